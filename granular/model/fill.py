@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -48,6 +49,10 @@ class Fill(Description):
         Initial density [kg/m3]; None for the material's `rho_c`. Grains have the corresponding
         pressure, K ln(rho/rho_c) if that is positive; cohesive ones of a lower density are
         separated, and cohere once they touch. Must be None in a lithostatic fill.
+    packing : float or None
+        Packing fraction at which material that dilates (`granular.DilatantMuI`) is free of stress
+        at first, 0.3 to 0.8; its density is then `packing` rho_s in place of rho_c. None for its
+        `phi_c`, and for other materials.
     velocity : tuple of float, length dim, or None
         Initial velocity [m/s]; None for rest.
     jitter : float
@@ -81,6 +86,7 @@ class Fill(Description):
     region: Region
     points_per_cell: int
     density: float | None = None
+    packing: float | None = None
     velocity: Vector | None = None
     jitter: float = 0.0
     stagger: bool = False
@@ -100,6 +106,7 @@ class Fill(Description):
         check_fields(self, in_range, "jitter", low=0.0, high=1.0)
         check_fields(self, truth, "stagger")
         check_fields(self, positive, "density", optional=True)
+        check_fields(self, in_range, "packing", low=0.3, high=0.8, optional=True)
         if truth("lithostatic", self.lithostatic) and self.density is not None:
             raise ValueError(f"density = {self.density} must be None in a lithostatic fill")
         check_fields(self, positive, "K0", optional=True)
@@ -111,6 +118,29 @@ class Fill(Description):
     def points_per_axis(self) -> int:
         """Points along an edge of a cell."""
         return round(self.points_per_cell ** (1.0 / self.region.dim))
+
+
+def rest_density(material: Any, packing: float | None) -> float:
+    """Density [kg/m3] at which material of a source is free of stress."""
+    rho_c: float = material.rho_c
+    return rho_c if packing is None else packing * material.rho_s
+
+
+def check_packing(name: str, material: Any, packing: float | None) -> None:
+    """Refuse the packing fraction of a source whose material does not have one, or not this one."""
+    if packing is None:
+        return
+    if not getattr(material, "dilates", False):
+        kind = type(material).__name__
+        raise ValueError(
+            f"{name}.packing = {packing} must be None for {kind}, which does not dilate"
+        )
+    if material.peak_friction(packing) <= 0:
+        least = material.phi_c - material.mu_s / material.dilatancy
+        raise ValueError(
+            f"{name}.packing = {packing} must exceed {least:.4g}, phi_c - mu_s/dilatancy, below "
+            "which the material has no friction"
+        )
 
 
 def _hint(grid: Grid, region: Region) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.materials import Material
-from granular.model.fill import Fill, check_inside
+from granular.model.fill import Fill, check_inside, rest_density
 from granular.model.grid import AXES, Grid
 from granular.model.regions import Cloud
 from granular.model.seeding import Points, SeededPoints, estimated_points, joined
@@ -79,6 +79,8 @@ class Inflow(Description):
         Density of the entering material [kg/m3]; None for `rho_c` of the material, or the density
         that follows from `rate`. It must not exceed `rho_c`: such material is stress-free. Must be
         None if `lithostatic`, and in SPH.
+    packing : float or None
+        As of `Fill`, of material that dilates.
     lithostatic : bool
         If True, the entering material bears its weight from the start: its pressure is that of the
         depth below the top of the region under the gravity across the stream, as of a layer that
@@ -106,6 +108,7 @@ class Inflow(Description):
     _: KW_ONLY
     rate: float | None = None
     density: float | None = None
+    packing: float | None = None
     lithostatic: bool = False
     material: Material | None = None
     times: tuple[float, float] = (0.0, math.inf)
@@ -162,6 +165,7 @@ class Inflow(Description):
             self.region,
             self.points_per_cell,
             density=self.density if density is None else density,
+            packing=self.packing,
             velocity=self.velocity,
             lithostatic=self.lithostatic,
             material=self.material,
@@ -208,7 +212,7 @@ class Inflow(Description):
     def _sites(self, grid: Grid, up: Sequence[float] | None = None, density: float = 1.0) -> Points:
         """Points at the upstream end of each column of the region along the stream."""
         fill = self._fill(None if self.lithostatic else density)
-        points = joined(SeededPoints(grid, (fill,), 0, density, up=up, even=True), grid.dim)
+        points = joined(SeededPoints(grid, (fill,), 0, (density,), up=up, even=True), grid.dim)
         along = points.x[:, self.axis] * math.copysign(1.0, self.velocity[self.axis])
         place = (points.x - grid.lower) * (self.points_per_axis / grid.cell)
         across = np.floor(np.delete(place, self.axis, axis=1))
@@ -270,7 +274,7 @@ class InflowState:
 def inlet_points(scene: BaseScene, i: int) -> Points:
     """Points that enter by an inflow of a scene; see `Inflow.entering`."""
     inflow, grid = scene.inflows[i], scene.grid
-    rho_c = (inflow.material or scene.material).rho_c
+    rho_c = rest_density(inflow.material or scene.material, inflow.packing)
     up, share = None, 1.0
     if inflow.lithostatic:
         gravity = across(scene, inflow)

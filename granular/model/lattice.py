@@ -16,7 +16,7 @@ STAGGER = {2: (1 / 1.618033988749895,), 3: (1 / 1.324717957244746, 1 / 1.3247179
 """Steps between columns of a staggered fill by the dimension, modulo 1: columns near each other
 have heights far apart. They are powers of the golden ratio, r^2 = r + 1, and of r^3 = r + 1."""
 
-AT_ONCE = 1 << 19
+AT_ONCE = 1 << 17
 """Squares whose points are made at once: what is needed for a time takes some 500 bytes each."""
 
 

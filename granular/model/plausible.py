@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from granular.model.fill import rest_density
 from granular.model.gravity import EARTH
 from granular.model.grid import AXES
 from granular.model.regions import Cloud
@@ -166,7 +167,7 @@ def _densities(scene: BaseScene) -> Iterator[str]:
                 yield f"{kind}: {name} = {value:g} kg/m3 is not a density of grains{hint}"
                 break
     for i, fill in enumerate(scene.fills):
-        rho_c = (fill.material or scene.material).rho_c
+        rho_c = rest_density(fill.material or scene.material, fill.packing)
         low, high = DILUTE * rho_c, DENSE * rho_c
         if fill.density is not None and not low <= fill.density <= high:
             yield (

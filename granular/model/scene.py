@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from granular.model import seeding
-from granular.model.fill import Fill, check_inside
+from granular.model.fill import Fill, check_inside, check_packing, rest_density
 from granular.model.gravity import Gravity
 from granular.model.grid import Grid
 from granular.model.indicators import Row
@@ -52,6 +52,9 @@ class BaseScene(Serializable):
             raise ValueError("fills = () must hold at least one Fill")
         for i, fill in enumerate(self.fills):
             check_inside(f"fills[{i}]", self.grid, fill.region)
+            check_packing(f"fills[{i}]", fill.material or self.material, fill.packing)
+        for i, inflow in enumerate(self.inflows):
+            check_packing(f"inflows[{i}]", inflow.material or self.material, inflow.packing)
         if self.gravity.dim != self.dim:
             raise ValueError(
                 f"gravity of dimension {self.gravity.dim} must have {self.dim} as the grid"
@@ -99,8 +102,11 @@ class BaseScene(Serializable):
         """Make the points of the material at the start, some at a time, as often as wanted."""
         sources: list[Iterable[seeding.Points]] = []
         if self.fills:
-            rho_c, more = self.material.rho_c, self._seeding()
-            sources.append(seeding.SeededPoints(self.grid, self.fills, self.seed, rho_c, **more))
+            rest = [
+                rest_density(fill.material or self.material, fill.packing) for fill in self.fills
+            ]
+            more = self._seeding()
+            sources.append(seeding.SeededPoints(self.grid, self.fills, self.seed, rest, **more))
         inlets = enumerate(self.inflows)
         sources.append([standing_points(self, i) for i, inlet in inlets if inlet.driven])
         return seeding.Joined(*sources)

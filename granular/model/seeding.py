@@ -332,8 +332,8 @@ class SeededPoints:
     fills : sequence of Fill
     seed : int
         Seed of the random jitter, >= 0; the same seed gives the same points.
-    rho_c : float
-        Density [kg/m3] of the fills whose `density` and `material` are None.
+    densities : sequence of float
+        Density [kg/m3] of each fill if its `density` is None.
     distance : callable, optional
         Signed distance from bodies at positions, shape (n,) [m], and normals, shape (n, dim).
         Squares (cubes) of the seeding lattice that bodies cut get a point at the centroid of their
@@ -355,17 +355,16 @@ class SeededPoints:
         grid: Grid,
         fills: Sequence[Fill],
         seed: int,
-        rho_c: float,
+        densities: Sequence[float],
         *,
         distance: Distance = nowhere,
         up: Sequence[float] | None = None,
         even: bool = False,
     ) -> None:
         self._grid, self._fills, self._seed = grid, fills, integer("seed", seed, 0)
-        rho_c = positive("rho_c", rho_c)
         self._above = np.eye(grid.dim)[-1] if up is None else np.array(up, dtype=float)
         _check(grid, fills, distance)
-        self._rho_c = [fill.material.rho_c if fill.material else rho_c for fill in fills]
+        self._rho_c = [positive("density", density) for density in densities]
         self._spaces = [_space(grid, fills, i, distance) for i in range(len(fills))]
         pairs = zip(fills, self._spaces, strict=True)
         self._places = [_seeded(fill, space, even) for fill, space in pairs]

@@ -12,6 +12,7 @@ from granular import _core
 from granular.materials import NGF, Material
 from granular.materials.law_functions import MOST_HISTORY
 from granular.materials.own import OwnLaw
+from granular.model.fill import rest_density
 from granular.model.inflow import inlet_points
 from granular.model.seeding import Points
 from granular.mpm.axis_nodes import c0_lines
@@ -332,9 +333,9 @@ def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
         for name in ("rho_c", "K", "granular")
     )
     hencky = np.array([material.elasticity == "hencky" for material in scene.materials])[number]
-    # Material that dilates is free of stress at the density of its fill.
-    dilates = np.array([material.dilates for material in scene.materials])[number]
-    rho_rest = np.where(dilates, points.density, rho_c)
+    rho_rest = np.array(
+        [rest_density(part.material or scene.material, part.packing) for part in scene.sources]
+    )[points.fill]
     weight = math.hypot(*scene.gravity.at(0.0)) * (rho_rest * points.depth + points.overburden)
     friction, cohesion = (
         np.array([float(get(material)) for material in scene.materials])[number]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from granular.model.fill import rest_density
 from granular.model.inflow import across, standing_points
 from granular.mpm.body_distances import distance_from_bodies
 
@@ -15,7 +16,9 @@ def check_inflows(scene: Scene) -> None:
     """Refuse inflows that do not fit their scene, or that overlap solids or fills at the start."""
     for i, inflow in enumerate(scene.inflows):
         name = f"inflows[{i}]"
-        inflow.check(name, scene.grid, (inflow.material or scene.material).rho_c)
+        inflow.check(
+            name, scene.grid, rest_density(inflow.material or scene.material, inflow.packing)
+        )
         if inflow.lithostatic and not across(scene, inflow).any():
             raise ValueError(
                 f"{name}.velocity = {inflow.velocity} must not be along gravity in a lithostatic "

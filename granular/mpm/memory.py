@@ -18,6 +18,7 @@ import numpy as np
 
 from granular.model.fill import Fill
 from granular.model.grid import Grid, combined
+from granular.model.lattice import AT_ONCE
 from granular.model.regions import Cloud, Mask
 from granular.model.seeding import estimated_points, is_level_box, most_points
 from granular.mpm.body_distances import distance_from_bodies
@@ -56,8 +57,9 @@ _NONLOCAL_CELL = {2: 240, 3: 300}
 _FACE = 4
 """Memory of a face of a cell of the box [bytes], for a nonlocal law."""
 _SITE = {2: 115, 3: 175}
-"""Memory of a square of the seeding lattice about a region [bytes]: that of a block, a disc and
-layers on slopes, of which it fills 1 to 100 %. About bodies it is twice as much."""
+"""Memory of a square of the seeding lattice about a region [bytes], of those that are seeded at
+once: that of a block, a disc and layers on slopes, of which it fills 1 to 100 %. About bodies it is
+twice as much."""
 
 _GROWTH = {2: 440, 3: 560}
 """Memory of a point [bytes] in the larger buffers to which it moves, and of new cells: the largest
@@ -121,7 +123,8 @@ def _memory(scene: Scene, counts: Sequence[int], ratios: Sequence[float], share:
         running += _FACE * 2 * scene.dim * math.prod(scene.grid.shape)
     for source, count, ratio in zip(scene.sources, counts, ratios, strict=True):
         running += share * count * (point + cell * ratio / source.points_per_cell)
-    seeding = max((_squares(scene.grid, fill) for fill in scene.fills), default=0.0)
+    squares = max((_squares(scene.grid, fill) for fill in scene.fills), default=0.0)
+    seeding = min(squares, AT_ONCE)
     seeding *= _SITE[scene.dim] * (2 if scene.bodies else 1)
     cuts = bool(scene.bodies) or any(_is_cut(fill) for fill in scene.fills)
     return MARGIN * (BASE + _CUTS * cuts + max(running, seeding))

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
-from granular.model.fill import Fill
+from granular.model.fill import Fill, rest_density
 from granular.model.grid import AXES
 from granular.model.inflow import Inflow
 from granular.model.state import State
@@ -145,7 +145,7 @@ def _draw_fills(ax: Axes, scene: AnyScene, view: View, extent: Extent) -> Iterab
 def _draw_inflows(ax: Axes, scene: AnyScene, view: View, extent: Extent) -> Iterable[Key]:
     inflows: tuple[Inflow, ...] = getattr(scene, "inflows", ())
     for i, inflow in enumerate(inflows):
-        rho_c = (inflow.material or scene.material).rho_c
+        rho = rest_density(inflow.material or scene.material, inflow.packing)
         lower, upper = (np.array(corner) for corner in inflow.region.bounds)
         x, y = lower[view.across], lower[view.up]
         size = upper[view.across] - x, upper[view.up] - y
@@ -154,7 +154,7 @@ def _draw_inflows(ax: Axes, scene: AnyScene, view: View, extent: Extent) -> Iter
         _arrow(ax, middle, np.array(inflow.velocity), view, extent, str(INLET["edgecolor"]))
         kind = "driven inflow" if inflow.driven else "inflow"
         speed = math.hypot(*inflow.velocity)
-        text = f"{kind}, {inflow.rate_in(scene.grid, rho_c):.3g} kg/s at {speed:.3g} m/s"
+        text = f"{kind}, {inflow.rate_in(scene.grid, rho):.3g} kg/s at {speed:.3g} m/s"
         yield text if len(inflows) == 1 else f"{text} [{i}]", Patch(**cast(Any, INLET))
 
 

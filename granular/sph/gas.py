@@ -217,7 +217,9 @@ class Gas(Description):
 
     def points(self, grid: Grid, seed: int) -> seeding.Points:
         """Gas particles at the start; see `granular.model.seeding.SeededPoints`."""
-        parts = seeding.SeededPoints(grid, self.fills, seed, self.density, even=True)
+        parts = seeding.SeededPoints(
+            grid, self.fills, seed, [self.density] * len(self.fills), even=True
+        )
         return seeding.joined(parts, grid.dim)
 
     def inflows(self) -> dict[int, Inflow]:

@@ -12,8 +12,8 @@ UNIT = Grid((0.0, 0.0), 0.1, (10, 10))
 UNIT_BOX = Box((0, 0), (1, 1))
 
 
-def seeded(grid, *given):
-    return joined(SeededPoints(grid, *given), grid.dim)
+def seeded(grid, fills, seed, rho_c):
+    return joined(SeededPoints(grid, fills, seed, [rho_c] * len(fills)), grid.dim)
 
 
 def test_grid_derives_dimension_upper_corner_and_lines():

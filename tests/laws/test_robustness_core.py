@@ -180,7 +180,7 @@ def test_laws_survive_any_number(name, data):
     if chosen[0] == "dilatant_mu_I":
         with pytest.raises(ValueError, match="bulking is not given"):
             _core.law_update(*chosen)
-        chosen += [None] * (13 - len(chosen)) + [np.empty_like(chosen[6])]
+        chosen += [None] * (14 - len(chosen)) + [np.empty_like(chosen[6])]
         fill(data, chosen[-1])
     _core.law_update(*chosen)
 

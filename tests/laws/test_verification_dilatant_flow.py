@@ -1,0 +1,158 @@
+"""DilatantMuI in flow: layers against theory, rest, conservation, the same bits, refusals."""
+
+import math
+
+import numpy as np
+import pytest
+from same_bits import bits, same_bits, stepped
+from scenes_by_hand import scene_with
+
+import granular as gr
+
+BEADS = gr.DilatantMuI(E=1e6, d=0.005)
+DENSE, LOOSE = 0.6, 0.57
+
+
+def layer(angle_deg, packing, height=0.05):
+    """A layer of ten cells on a rough slope."""
+    scene = gr.scenes.incline(
+        angle_deg=angle_deg, height=height, cell=0.005, columns=4, jitter=0.5, material=BEADS
+    )
+    fills = tuple(fill.replace(packing=packing) for fill in scene.fills)
+    return scene.replace(fills=fills)
+
+
+@pytest.mark.parametrize(("angle_deg", "packing", "until"), [(24.0, LOOSE, 3.0), (26.0, 0.6, 6.0)])
+def test_a_steady_layer_has_packing_and_velocity_of_theory(angle_deg, packing, until):
+    """I and phi_eq(I) are uniform: u = 2 I/(3 d) sqrt(phi g cos) (H^1.5 - (H - y)^1.5), with the
+    height H to which the layer has dilated or compacted."""
+    scene = layer(angle_deg, packing)
+    state = gr.Simulation(scene, threads=1).run(until=until, monitor=False).state
+    angle = math.radians(angle_deg)
+    share = (math.tan(angle) - BEADS.mu_s) / (BEADS.mu_2 - BEADS.mu_s)
+    inertial = BEADS.I0 * share / (1 - share)
+    expected = BEADS.packing(inertial)
+    width = scene.grid.shape[0] * scene.grid.cell
+    height = state.mass.sum() / (BEADS.rho_s * expected * width)
+    y = state.x[:, 1]
+    inside = (y > 0.2 * height) & (y < 0.8 * height)
+    assert state.packing[inside] == pytest.approx(expected, abs=2e-3)
+    fall = height**1.5 - (height - y[inside]) ** 1.5
+    speed = 2 * inertial / (3 * BEADS.d) * math.sqrt(expected * 9.8 * math.cos(angle)) * fall
+    assert state.v[inside, 0].sum() == pytest.approx(speed.sum(), rel=0.03)
+    top = np.sort(y)[-8:].mean() + 0.25 * scene.grid.cell
+    assert top == pytest.approx(height, rel=0.02)
+
+
+def test_a_dense_layer_starts_at_a_steeper_slope_than_it_stops():
+    """It rests below the angle of its peak friction, at which a critical one flows."""
+    peak = math.degrees(math.atan(BEADS.peak_friction(DENSE)))
+    critical = math.degrees(math.atan(BEADS.mu_s))
+    assert critical + 2 < peak - 0.7
+    speeds = [
+        np.abs(gr.Simulation(layer(peak + more, packing), threads=1).run(until=1.0).state.v).max()
+        for more, packing in ((-0.7, DENSE), (-0.7, BEADS.phi_c), (2.0, DENSE))
+    ]
+    assert speeds[0] < 2e-3 < 0.05 < min(speeds[1:])
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_dense_bed_rests_under_its_weight(dim):
+    """Its pressure is that of its own density, and its packing does not change."""
+    wide = (0.2,) * (dim - 1)
+    scene = scene_with(
+        grid=gr.Grid((0.0,) * dim, 0.025, (8,) * (dim - 1) + (12,), (True,) * (dim - 1) + (False,)),
+        fills=(
+            gr.Fill(gr.Box((0.0,) * dim, (*wide, 0.2)), 2**dim, packing=DENSE, lithostatic=True),
+        ),
+        material=BEADS,
+        walls=(gr.Wall(dim - 1, 0.0, kind="no_slip"),),
+    )
+    state = gr.Simulation(scene, threads=1).run(until=0.1).state
+    assert BEADS.phi_c / state.bulking == pytest.approx(DENSE, rel=1e-6)
+    assert state.packing == pytest.approx(DENSE * np.exp(state.log_density), rel=1e-12)
+    assert np.abs(state.v).max() < 1e-3
+    low = state.x[:, -1] < 0.05
+    load = DENSE * BEADS.rho_s * 9.8 * (0.2 - state.x[low, -1])
+    assert -state.stress[low, 1 if dim == 2 else 2] == pytest.approx(load, rel=0.05)
+
+
+def collapse(packing, **changes):
+    scene = gr.scenes.column_collapse(aspect=1.0, cell=0.025, points_per_cell=4, material=BEADS)
+    fills = tuple(fill.replace(packing=packing) for fill in scene.fills)
+    return scene.replace(fills=fills, **changes)
+
+
+def test_a_column_keeps_its_mass_and_fills_the_volume_of_its_packing():
+    for packing in (0.56, 0.62):
+        scene = collapse(packing)
+        start = gr.Simulation(scene, threads=1).state
+        sim = gr.Simulation(scene, threads=1).run(until=0.8)
+        state = sim.state
+        assert state.mass.sum() == start.mass.sum()
+        assert abs(gr.measure.density_drift(state)) < 0.02
+        assert sim.health()["density_drift"].verdict == "ok", sim.health()
+        flowed = np.abs(state.packing - packing) > 1e-3
+        assert flowed.mean() > 0.3
+        held = state.packing[state.dense]
+        assert held.min() > BEADS.phi_fast - 0.01 and held.max() < 0.622
+        assert np.median(state.packing[flowed]) == pytest.approx(BEADS.phi_c, abs=0.02)
+
+
+TWO = scene_with(
+    grid=gr.Grid((0.0, 0.0), 0.025, (16, 12)),
+    fills=(
+        gr.Fill(gr.Box((0.0, 0.0), (0.1, 0.2)), 4, jitter=0.4, packing=DENSE),
+        gr.Fill(gr.Box((0.1, 0.0), (0.2, 0.2)), 4, material=gr.MuI(E=1e6), jitter=0.4),
+    ),
+    material=BEADS,
+    walls=(gr.Wall(1, 0.0, kind="no_slip"),),
+)
+SCENES = {
+    "plane": collapse(0.62),
+    "point densities": collapse(
+        0.62, scheme=gr.Scheme(basis="linear", transfer="apic", density=gr.ParticleDensity())
+    ),
+    "rings": gr.scenes.cylinder_collapse(cell=0.05, axisymmetric=True, material=BEADS),
+    "space": gr.scenes.cylinder_collapse(cell=0.1, material=BEADS),
+    "two materials": TWO,
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_same_bits_with_threads_ranks_restarts_and_vectors(name, tmp_path):
+    scene = SCENES[name]
+    one = same_bits(scene, 60, 60, path=tmp_path / "run.h5")
+    assert np.any(one.state.bulking != gr.Simulation(scene, threads=1).state.bulking)
+    with gr.ranks.threads(3) as comm:
+        sim = gr.Simulation(scene, comm=comm, threads=1)
+        sim.step(120)
+        assert bits(sim) == bits(one)
+    for isa in ("one_lane", "avx2"):
+        try:
+            other = gr.Simulation(scene, threads=1, isa=isa)
+        except ValueError:
+            continue
+        other.step(120)
+        if one.isa != "baseline":
+            assert bits(other) == bits(one)
+
+
+def test_a_material_beside_it_is_not_changed():
+    """Points of a law that does not dilate keep a bulking of 1."""
+    state = stepped(TWO, 200).state
+    assert (state.bulking[state.material == 1] == 1.0).all()
+    assert (state.bulking[state.material == 0] != 1.0).mean() > 0.5
+
+
+def test_refusals():
+    with pytest.raises(ValueError, match=r"CellAveragedDensity\(\) must be .* one packing"):
+        collapse(0.6, scheme=gr.schemes.cell_averaged)
+    with pytest.raises(ValueError, match="must be None for DilatantMuI: the wall would have"):
+        collapse(0.6, walls=(gr.Wall(1, 0.0), gr.Wall(1, 0.3, pressure=100.0)))
+    with pytest.raises(ValueError, match=r"fills\[0\].packing = 0.4 must exceed 0.4895"):
+        collapse(0.4)
+    with pytest.raises(ValueError, match=r"packing = 0.6 must be None for MuI, which does not"):
+        collapse(0.6).replace(material=gr.MuI(E=1e6))
+    with pytest.raises(ValueError, match='"single" must be "double" for the law'):
+        collapse(0.6, scheme=gr.Scheme(precision="single"))
