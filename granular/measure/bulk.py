@@ -9,10 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from granular.measure.averaging_grid import require_points
+from granular.measure.cell_neighbours import CellNeighbours
 from granular.measure.cell_sums import CellSums, ill_posed_points
 from granular.model.state import State
 from granular.mpm.blocks import solid_cells
-from granular.tools.arrays import Array, BoolArray, IntArray
+from granular.tools.arrays import Array, BoolArray
 from granular.tools.checks import integer, non_negative
 
 FILLED = 0.5
@@ -34,7 +35,7 @@ class Bulk:
     own cell without a gap. A cell is filled if its points, at rho_c, fill at least half of it, so
     that neither spray above a heap nor free fall below an orifice counts as bulk.
 
-    Arrays of cells are those of the box around the points, not of the whole grid.
+    Fields of cells are those of `CellNeighbours`.
 
     Parameters
     ----------
@@ -47,8 +48,10 @@ class Bulk:
 
     Attributes
     ----------
-    cells : ndarray of bool
-        The cells of the bulk in the box; that of all points in them is the bulk.
+    cells : ndarray of bool, shape (n,)
+        The cells of which all points are the bulk.
+    about : CellNeighbours
+        The cells with points, and those next to them.
 
     Raises
     ------
@@ -62,30 +65,20 @@ class Bulk:
         if not sums.n:
             raise ValueError(f"state at time = {sums.time} has 0 points, at least 1 is needed")
         grid = sums.scene.grid
-        places = np.array(np.unravel_index(sums.cells, grid.shape))
-        first, last = places.min(axis=1), places.max(axis=1)
-        self.box = tuple(
-            slice(int(low), int(high) + 1) for low, high in zip(first, last, strict=True)
-        )
-        self.scene, self._sums, self.shape = sums.scene, sums, tuple(last - first + 1)
-        self._places = tuple(places - first[:, None])
-        self.at_ends = np.array([first == 0, last == np.array(grid.shape) - 1]).T
-        self.cell_volume = grid.cell ** len(self.shape)
+        self.scene, self._sums = sums.scene, sums
+        self.about = CellNeighbours(grid, sums.cells)
+        self.cell_volume = grid.cell**grid.dim
         self.mass = self.sum("mass")
         solid = self.sum("rest_section")
         filled = solid >= FILLED * self.cell_volume
-        depth = uppermost(filled) - np.arange(self.shape[-1])
-        deep = filled & (depth >= depth_cells)
+        deep = filled & (self.about.below_top(filled) >= depth_cells)
         if packed:
             deep &= self.around(solid) >= packed * self.cell_volume
         self.cells: BoolArray = deep
 
     def sum(self, name: str) -> Array:
-        """Sums of `CellSums` over the cells of the box, an array of its shape."""
-        of = self._sums.of[name]
-        sums = np.zeros((*self.shape, *of.shape[1:]))
-        sums[self._places] = of
-        return sums
+        """Sums of `CellSums`, a field of cells."""
+        return self.about.field(self._sums.of[name])
 
     @property
     def n(self) -> int:
@@ -99,8 +92,13 @@ class Bulk:
         """
         occupied = self.mass > 0
         if self.scene.method == "sph":
-            occupied = _closed(occupied)
-        return _pooled(cells) / np.maximum(_pooled(occupied.astype(float)), 1.0)
+            occupied = self._closed(occupied)
+        return self.about.pooled(cells) / np.maximum(self.about.pooled(occupied.astype(float)), 1.0)
+
+    def _closed(self, cells: BoolArray) -> BoolArray:
+        """Cells that are true, and those between them: the closing by a cell and its neighbours."""
+        near = (self.about.pooled(cells.astype(float)) > 0).astype(float)
+        return np.asarray(cells | (self.about.pooled(near) == self.about.most_neighbours()))
 
     def disconnected(self, pressed: float = 0.0) -> float:
         """Share, by mass, of the stress-free points of grains in the bulk; nan without a bulk.
@@ -117,8 +115,8 @@ class Bulk:
 
     def _pressure_about(self) -> Array:
         """Mean pressure over each cell and its neighbours [Pa]."""
-        volume = np.maximum(_pooled(self.sum("rest_section")), 1e-300)
-        return np.asarray(_pooled(self.sum("load")) / volume)
+        volume = np.maximum(self.about.pooled(self.sum("rest_section")), 1e-300)
+        return np.asarray(self.about.pooled(self.sum("load")) / volume)
 
     def drift(self) -> float:
         """Mass-weighted mean over the bulk of particle volume over cell volume, minus one.
@@ -130,61 +128,17 @@ class Bulk:
     def strings(self) -> float:
         """Share of the cells inside the material whose fillings alternate; nan without any."""
         filling = self.sum("rest_section") / self.cell_volume
-        mean = _smoothed(filling, self.at_ends)
+        mean = self.about.smoothed(filling)
         deep = mean >= DEEP
         if not deep.any():
             return np.nan
-        square = _pooled((filling - mean) ** 2) / _pooled(np.ones_like(filling))
+        square = self.about.pooled((filling - mean) ** 2) / self.about.most_neighbours()
         return float((square[deep] > UNEVEN**2).mean())
 
     def _share(self, sums: Array) -> float:
         """Sum over the bulk over its mass."""
         mass = self.mass[self.cells].sum()
         return float(sums[self.cells].sum() / mass) if mass > 0 else np.nan
-
-
-def _closed(cells: BoolArray) -> BoolArray:
-    """Cells that are true, and those between them: the closing by a cell and its neighbours."""
-    near = _pooled(cells.astype(float)) > 0
-    return cells | (_pooled((~near).astype(float)) == 0)
-
-
-def _pooled(cells: Array) -> Array:
-    """Sum over each cell and its neighbours, corners included, within the grid."""
-    for axis in range(cells.ndim):
-        cells = _with_neighbours(cells, cells.copy(), axis)
-    return cells
-
-
-def _with_neighbours(cells: Array, wide: Array, axis: int) -> Array:
-    """Add to `wide` the neighbours of each cell along an axis."""
-    before = (slice(None),) * axis
-    inner, outer = (*before, slice(1, None)), (*before, slice(None, -1))
-    wide[inner] += cells[outer]
-    wide[outer] += cells[inner]
-    return wide
-
-
-def _smoothed(cells: Array, at_ends: BoolArray) -> Array:
-    """Mean over each cell and its neighbours, weighted 1, 2, 1 along each axis.
-
-    Beyond the cells lies 0, or at the ends of the grid their mirror image.
-    """
-    for axis in range(cells.ndim):
-        wide = 2.0 * cells
-        for end, place in zip(at_ends[axis], (0, -1), strict=True):
-            outermost = (slice(None),) * axis + (place,)
-            wide[outermost] += end * cells[outermost]
-        cells = _with_neighbours(cells, wide, axis) / 4.0
-    return cells
-
-
-def uppermost(filled: BoolArray) -> IntArray:
-    """For each cell, the uppermost one of its run upwards through filled cells."""
-    top = np.broadcast_to(np.arange(filled.shape[-1]), filled.shape).copy()
-    for j in range(filled.shape[-1] - 2, -1, -1):
-        top[..., j] = np.where(filled[..., j + 1], top[..., j + 1], j)
-    return top
 
 
 def disconnected_fraction(
@@ -321,13 +275,11 @@ def gaps(bulk: Bulk) -> float:
     """`gap_fraction` of the state of a `Bulk`."""
     stressed = bulk.sum("held") > 0
     empty = bulk.mass == 0
-    solid = solid_cells(bulk.scene.grid, bulk.scene.walls).dense(bulk.box)
-    empty &= ~solid.transpose()
-    between = np.zeros(bulk.shape, dtype=bool)
-    for axis in range(len(bulk.shape)):
-        low, mid, high = ([slice(None)] * len(bulk.shape) for _ in range(3))
-        low[axis], mid[axis], high[axis] = slice(None, -2), slice(1, -1), slice(2, None)
-        here = tuple(mid)
-        between[here] |= empty[here] & stressed[tuple(low)] & stressed[tuple(high)]
+    cells = np.unravel_index(bulk.about.flat[empty], bulk.about.shape)
+    empty[empty] = ~solid_cells(bulk.scene.grid, bulk.scene.walls).at(cells)
+    between = np.zeros(len(empty), dtype=bool)
+    for axis in range(bulk.scene.grid.dim):
+        before, after = (bulk.about.side(stressed, axis, side) for side in (0, 1))
+        between |= empty & before & after
     count = np.count_nonzero(stressed)
     return float(np.count_nonzero(between) / count) if count else float("nan")

@@ -3,10 +3,10 @@
 import numpy as np
 
 from granular.measure.averaging_grid import cell_sum, require_points
-from granular.measure.bulk import FILLED, uppermost
+from granular.measure.bulk import FILLED
 from granular.measure.fields import cell_average
 from granular.model.state import State
-from granular.tools.arrays import Array
+from granular.tools.arrays import Array, BoolArray, IntArray
 from granular.tools.checks import finite, in_range, integer, non_negative, one_of
 
 
@@ -99,7 +99,7 @@ def mean_pressure_error(
     weight = _overburden(state, per_column)
     grid = state.scene.grid
     filled = cell_sum(state, state.rest_section) >= FILLED * grid.cell**weight.ndim
-    top = uppermost(filled)
+    top = _uppermost(filled)
     axis = weight.ndim - 1
     field = -np.asarray(state.stress)[:, axis] if of == "normal" else state.pressure
     mean = cell_average(state, field, weight="volume")
@@ -124,3 +124,11 @@ def _overburden(state: State, per_column: bool) -> Array:
         mass = np.broadcast_to(mass.mean(axis=across), mass.shape)
     above = np.flip(np.cumsum(np.flip(mass, -1), axis=-1), -1) - mass / 2
     return down * above / state.scene.grid.cell ** (mass.ndim - 1)
+
+
+def _uppermost(filled: BoolArray) -> IntArray:
+    """For each cell, the uppermost one of its run upwards through filled cells."""
+    top = np.broadcast_to(np.arange(filled.shape[-1]), filled.shape).copy()
+    for j in range(filled.shape[-1] - 2, -1, -1):
+        top[..., j] = np.where(filled[..., j + 1], top[..., j + 1], j)
+    return top

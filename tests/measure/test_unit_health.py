@@ -78,6 +78,18 @@ def test_strings_and_gaps():
     assert np.isnan(gap_fraction(calm))
 
 
+def test_material_along_a_slope_takes_no_memory_for_the_box_around_it():
+    """A line of cells through a square of 900 million."""
+    s = scene((30_000, 30_000), CELL)
+    s.walls = ()
+    x = (np.arange(30_000)[:, None] + 0.5) * CELL + np.zeros((1, 2))
+    line = state(s, x, per_cell=1)
+    assert np.isnan(string_fraction(line)) and np.isnan(gap_fraction(line))
+    with pytest.raises(ValueError, match="no point lies more than"):
+        density_drift(line)
+    assert density_drift(line, depth_cells=0, packed=0.0) == pytest.approx(0.0, abs=1e-3)
+
+
 def test_speeds_areas_and_heights():
     points = pool()
     v = np.zeros((points.n, 2))
