@@ -11,6 +11,7 @@ from collections.abc import Callable
 from figures import (
     cohesion,
     damp_waves,
+    dense_sand,
     free_scenes,
     inflow,
     own_law,
@@ -23,6 +24,7 @@ from granular.plot import Picture
 PAGES: dict[str, Callable[[bool], Picture]] = {
     "cohesion": cohesion.picture,
     "damp_waves": damp_waves.picture,
+    "dense_sand": dense_sand.picture,
     "free_bodies": thrown_block.picture,
     "free_scenes": free_scenes.picture,
     "inflow": inflow.picture,

@@ -10,14 +10,16 @@ be below the peak of a recorded run. The modules `memory` of the two methods hav
 from __future__ import annotations
 
 import argparse
-import resource
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
-from shared import python
-
 import granular as gr
+
+FOLDER = Path(__file__).parents[1]
+CHILD = f"import sys; sys.path.insert(0, {str(FOLDER)!r}); from speed import memory; memory.main()"
+"""A child begins without what `python benchmarks` imports to draw pictures."""
 
 PARTICLE = gr.ParticleDensity()
 SCHEMES = {
@@ -93,8 +95,12 @@ def scene(scheme: str, kind: str, dim: int, per_axis: int, count: int) -> gr.Sce
 
 
 def peak() -> float:
-    """Largest resident memory of this process so far [bytes]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0
+    """Largest resident memory of this process so far [bytes].
+
+    In getrusage that of the process that began this one counts, too.
+    """
+    status = Path("/proc/self/status").read_text().splitlines()
+    return next(float(line.split()[1]) * 1024 for line in status if line.startswith("VmHWM"))
 
 
 def measure(scheme: str, kind: str, dim: int, per_axis: int, count: int) -> None:
@@ -132,4 +138,4 @@ def main() -> None:
         for scheme, kind in cases:
             for per_axis in PER_AXIS[dim][kind != "block" :]:
                 words = [str(arguments.most), "--one", scheme, kind, str(dim), str(per_axis)]
-                subprocess.run([*python("memory"), *words], check=True)
+                subprocess.run([sys.executable, "-c", CHILD, *words], check=True)

@@ -45,14 +45,14 @@ class CellNeighbours:
             self.flat = np.union1d(self.flat, np.concatenate([below, above]))
         self.of: IntArray = np.searchsorted(self.flat, cells)
         self.at_ends: list[tuple[BoolArray, BoolArray]] = []
-        """Whether cells are the first and the last ones along each axis."""
-        self.beside: list[tuple[IntArray, IntArray]] = []
+        """True for the first and for the last cells along each axis."""
+        self.adjacent: list[tuple[IntArray, IntArray]] = []
         """Where the cells before and after along each axis are; n for those not there."""
         for axis, stride in enumerate(strides):
             place = self.places(axis)
             first, last = place == 0, place == grid.shape[axis] - 1
             self.at_ends.append((first, last))
-            self.beside.append((self._find(-stride, first), self._find(stride, last)))
+            self.adjacent.append((self._find(-stride, first), self._find(stride, last)))
 
     def most_neighbours(self) -> Array:
         """Number of cells of the grid that are a cell or next to it."""
@@ -77,7 +77,7 @@ class CellNeighbours:
 
     def side(self, field: NDArray[Any], axis: int, after: int) -> NDArray[Any]:
         """Values of the cells before (0) or after (1) along an axis."""
-        return np.append(field, field.dtype.type(0))[self.beside[axis][after]]
+        return np.append(field, field.dtype.type(0))[self.adjacent[axis][after]]
 
     def pooled(self, field: Array) -> Array:
         """Sum over each cell and its neighbours, corners included."""
@@ -100,7 +100,7 @@ class CellNeighbours:
     def below_top(self, filled: BoolArray) -> IntArray:
         """Number of cells above each in its run upwards through filled cells."""
         n = len(filled)
-        above = self.beside[-1][1]
+        above = self.adjacent[-1][1]
         continues = filled & np.append(filled, False)[above]
         ends = np.flatnonzero(~continues)  # runs follow each other in the order of the cells
         return ends[np.searchsorted(ends, np.arange(n))] - np.arange(n)

@@ -103,7 +103,7 @@ class CellSums:
 
 
 def _values(state: State) -> Iterator[tuple[str, ArrayLike]]:
-    """What is summed of every point, one after the other."""
+    """Values of every point that are summed, one after the other."""
     pressure, mass = np.asarray(state.pressure, dtype=float), np.asarray(state.mass)
     yield "mass", mass
     yield "count", np.ones(state.n)

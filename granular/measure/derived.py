@@ -18,6 +18,7 @@ DERIVED: dict[str, tuple[Callable[[State], Any], str]] = {
     "shear_stress": (attrgetter("shear_stress"), "Pa"),
     "mu": (attrgetter("mu"), "1"),
     "density": (attrgetter("density"), "kg/m3"),
+    "packing": (attrgetter("packing"), "1"),
     "volume": (attrgetter("volume"), "m3"),
     "speed": (attrgetter("speed"), "m/s"),
     "dense": (attrgetter("dense"), "1"),

@@ -15,8 +15,8 @@ from typing import NamedTuple, Self
 import numpy as np
 import scipy
 
-from granular.model.lattice import Lattice
 from granular.model.open_space import Distance, OpenSpace
+from granular.model.seeding_lattice import SeedingLattice
 from granular.shapes.region import Region
 from granular.tools.arrays import Array, BoolArray, IntArray
 
@@ -57,7 +57,7 @@ class _Parts(NamedTuple):
     volume: Array
     """Volumes [m^dim]."""
     placed: BoolArray
-    """Whether the position is allowed."""
+    """True where the position is allowed."""
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
@@ -240,7 +240,7 @@ class OpenParts:
 
     Parameters
     ----------
-    lattice : Lattice
+    seeding_lattice : SeedingLattice
         Squares of the seeding lattice that may be in the region.
     region : Region
     space : OpenSpace
@@ -249,26 +249,28 @@ class OpenParts:
         If True, no square is cut: those whose sites are in the region are in it.
     """
 
-    def __init__(self, lattice: Lattice, region: Region, space: OpenSpace, even: bool) -> None:
-        self._lattice, self._region, self._space = lattice, region, space
-        self._is_whole = np.zeros(lattice.n, dtype=bool)
-        self._parts = _Parts.none(lattice.dim)
+    def __init__(
+        self, seeding_lattice: SeedingLattice, region: Region, space: OpenSpace, even: bool
+    ) -> None:
+        self._lattice, self._region, self._space = seeding_lattice, region, space
+        self._is_whole = np.zeros(seeding_lattice.n, dtype=bool)
+        self._parts = _Parts.none(seeding_lattice.dim)
         if not even:
-            self._parts = _merged(self._near_boundary(), lattice.spacing, space)
+            self._parts = _merged(self._near_boundary(), seeding_lattice.spacing, space)
             return
-        for squares in lattice.in_parts():
-            self._is_whole[squares] = region.contains(lattice.at(squares))
+        for squares in seeding_lattice.in_parts():
+            self._is_whole[squares] = region.contains(seeding_lattice.at(squares))
 
     def _near_boundary(self) -> _Parts:
         """Find the whole squares; return the parts of the cut ones and the squares near to them."""
-        edge, found = self._lattice.spacing, []
+        edge, parts = self._lattice.spacing, []
         for squares in self._lattice.in_parts():
             cut = self._cut(squares)
             if len(cut.of):
-                found.append(cut)
-        if not found:
+                parts.append(cut)
+        if not parts:
             return _Parts.none(self._lattice.dim)
-        cut = _Parts.joined(found)
+        cut = _Parts.joined(parts)
         near = self._lattice.around(cut.of[cut.are_small(edge)], AROUND)
         near = near[self._is_whole[near]]
         self._is_whole[near] = False
@@ -302,15 +304,15 @@ class OpenParts:
         centroids of the open parts of cut ones, in the order of the squares. The volumes of parts
         below `LEAST_SHARE` are added to a neighbour.
         """
-        lattice, parts = self._lattice, self._parts
-        for squares in lattice.in_parts():
+        seeding_lattice, parts = self._lattice, self._parts
+        for squares in seeding_lattice.in_parts():
             whole = squares[self._is_whole[squares]]
             begin, end = np.searchsorted(parts.of, (squares[0], squares[-1] + 1))
             owner = np.concatenate([whole, parts.of[begin:end]])
             order = np.argsort(owner, kind="stable")
-            volume = np.full(len(whole), lattice.spacing**lattice.dim)
+            volume = np.full(len(whole), seeding_lattice.spacing**seeding_lattice.dim)
             yield (
-                np.concatenate([lattice.at(whole), parts.x[begin:end]])[order],
+                np.concatenate([seeding_lattice.at(whole), parts.x[begin:end]])[order],
                 np.concatenate([volume, parts.volume[begin:end]])[order],
             )
 

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 
 from granular.model.fill import Fill, check_inside
 from granular.model.grid import Grid, combined
-from granular.model.lattice import Lattice
 from granular.model.open_parts import LEAST_SHARE, REACH, OpenParts
 from granular.model.open_space import Distance, OpenSpace, last_place, nowhere
 from granular.model.regions import Cloud, Mask
+from granular.model.seeding_lattice import SeedingLattice
 from granular.shapes.boxes import Box
 from granular.shapes.region import Region
 from granular.tools.arrays import Array, BoolArray, IntArray
@@ -80,9 +80,9 @@ def _sites(grid: Grid, fill: Fill) -> Iterator[Array]:
     if isinstance(fill.region, Cloud):
         yield fill.region.x
         return
-    lattice = Lattice(grid, fill)
-    for squares in lattice.in_parts():
-        x = lattice.at(squares)
+    seeding_lattice = SeedingLattice(grid, fill)
+    for squares in seeding_lattice.in_parts():
+        x = seeding_lattice.at(squares)
         yield x[fill.region.contains(x)]
 
 
@@ -141,7 +141,7 @@ def _seeded(fill: Fill, space: OpenSpace, even: bool = False) -> Iterable[tuple[
     region, grid = fill.region, space.grid
     if isinstance(region, Cloud):
         return [(np.clip(region.x, grid.lower, last_place(grid)), region.volume)]
-    return OpenParts(Lattice(grid, fill), region, space, even)
+    return OpenParts(SeedingLattice(grid, fill), region, space, even)
 
 
 def _check(grid: Grid, fills: Sequence[Fill], distance: Distance) -> None:
@@ -191,12 +191,12 @@ def _cut_by_both(grid: Grid, fill: Fill, other: Region) -> Iterator[Array]:
     """Positions of a fill in the squares that are cut by its boundary and by another one."""
     if isinstance(fill.region, Cloud):
         return
-    lattice = Lattice(grid, fill)
-    parts = ((np.arange(FINE) + 0.5) / FINE - 0.5) * lattice.spacing
-    for squares in lattice.in_parts():
-        x = lattice.at(squares)
-        x = x[fill.region.cuts(x, REACH * lattice.spacing)]
-        x = x[other.cuts(x, REACH * lattice.spacing)]
+    seeding_lattice = SeedingLattice(grid, fill)
+    parts = ((np.arange(FINE) + 0.5) / FINE - 0.5) * seeding_lattice.spacing
+    for squares in seeding_lattice.in_parts():
+        x = seeding_lattice.at(squares)
+        x = x[fill.region.cuts(x, REACH * seeding_lattice.spacing)]
+        x = x[other.cuts(x, REACH * seeding_lattice.spacing)]
         places = (x[:, None] + combined([parts] * grid.dim)).reshape(-1, grid.dim)
         yield places[_deep_in(fill.region, places, grid)]
 

@@ -18,9 +18,9 @@ import numpy as np
 
 from granular.model.fill import Fill
 from granular.model.grid import Grid, combined
-from granular.model.lattice import AT_ONCE
 from granular.model.regions import Cloud, Mask
 from granular.model.seeding import estimated_points, is_level_box, most_points
+from granular.model.seeding_lattice import AT_ONCE
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme

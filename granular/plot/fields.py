@@ -69,6 +69,7 @@ QUANTITIES: dict[str, Quantity] = {
     "shear_stress": Quantity("equivalent shear stress", "Pa"),
     "mu": Quantity("friction, shear stress/pressure", cmap="cividis"),
     "density": Quantity("density", "kg/m³", cmap="cividis"),
+    "packing": Quantity("packing fraction", cmap="cividis"),
     "nodal_density": Quantity("nodal density", "kg/m³", cmap="cividis"),
     "log_density": Quantity("ln(rho/rho_c)", cmap="cividis"),
     "speed": Quantity("speed", "m/s"),

@@ -6,7 +6,7 @@ from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import Box, Cylinder, HalfSpace
-from granular.model import lattice
+from granular.model import seeding_lattice
 from granular.model.open_parts import LEAST_SHARE, plane_cut
 from granular.model.seeding import joined
 from granular.mpm.body_distances import distance_from_bodies
@@ -68,7 +68,7 @@ def test_points_do_not_depend_on_how_many_are_made_at_once(dim, monkeypatch):
         fills=(rough, gr.Fill(Box((0.0,) * dim, (0.1,) * dim), 4**dim))
     )
     whole = vars(scene.points())
-    monkeypatch.setattr(lattice, "AT_ONCE", 50)
+    monkeypatch.setattr(seeding_lattice, "AT_ONCE", 50)
     parts = list(scene.points_in_parts())
     assert len(parts) > 5
     for name, array in vars(joined(parts, dim)).items():

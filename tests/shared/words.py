@@ -47,7 +47,11 @@ WORDS = (
     (r"\blent\b|\blent_", "shift momentum, or borrowed", ANY),
     (r"\boverweight|\bunevenness\b", "quadrature weight correction, residual force", ANY),
     (r"\btension_reach\b", "separation_strain", ANY),
-    (r"\bloose(r|ly)?\b", "disconnected, stress-free, or less dense", OUTSIDE_GRAIN_SCALE),
+    (
+        r"\bloose(r|ly)?\b(?! (sand|material|packing)| than critical| and dense)",
+        "disconnected, stress-free, or less dense",
+        OUTSIDE_GRAIN_SCALE,
+    ),
     (r"\bbears? nothing\b", "is stress-free", ANY),
     (r"\bgifts?\b|\blook_around\b", "contribution, cell_state", ANY),
     (r"\bsets?_out\b|\bsets? out\b", "begin substeps", ANY),

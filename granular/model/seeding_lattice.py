@@ -20,7 +20,7 @@ AT_ONCE = 1 << 17
 """Squares whose points are made at once: what is needed for a time takes some 500 bytes each."""
 
 
-class Lattice:
+class SeedingLattice:
     """Squares (cubes) of the seeding lattice about the region of a fill, the first axis fastest.
 
     These include the ends of staggered columns, whose squares are partly in the grid.
@@ -72,11 +72,11 @@ class Lattice:
     def around(self, squares: IntArray, reach: int) -> IntArray:
         """Return the squares within a number of squares along each axis, sorted, each once."""
         places = self._places(np.unique(squares))
-        found = []
+        near = []
         for step in product(range(-reach, reach + 1), repeat=self.dim):
             moved = [place + k for place, k in zip(places, step, strict=True)]
             bounds = zip(moved, self._shape, strict=True)
             inside = np.all([(place >= 0) & (place < n) for place, n in bounds], axis=0)
             there = [place[inside] for place in moved[::-1]]
-            found.append(np.unique(np.ravel_multi_index(there, self._shape[::-1])))
-        return np.unique(np.concatenate(found))
+            near.append(np.unique(np.ravel_multi_index(there, self._shape[::-1])))
+        return np.unique(np.concatenate(near))

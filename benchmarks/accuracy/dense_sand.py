@@ -1,0 +1,163 @@
+"""Loose and dense sand with DilatantMuI: cylinders of Lube 2004, layers on slopes, time of a step.
+
+All runs take about 20 minutes by one thread.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+from shared import RESULTS, least_time, parser_of, run_studies, table
+
+import granular as gr
+
+OUT = RESULTS / "dense_sand.json"
+RADIUS = 0.2
+REPOSE_DEG = 31.0
+"""Angle of repose of the sand [deg]."""
+MU_S = round(math.tan(math.radians(REPOSE_DEG)), 3)
+NUMBERS: dict[str, Any] = {"E": 1e6, "mu_s": MU_S, "mu_2": MU_S + 0.26, "d": 5e-4, "I0": 0.279}
+SAND = gr.DilatantMuI(**NUMBERS)
+SAME = gr.MuI(**NUMBERS, rho_s=SAND.rho_s, rho_c=SAND.rho_c)
+PACKINGS = {"mu(I)": None, "loose": 0.56, "critical": SAND.phi_c, "dense": 0.62}
+BEADS = gr.DilatantMuI(E=1e6, d=0.005)
+
+
+def filled(scene: gr.Scene, packing: float | None) -> gr.Scene:
+    """The scene with fills of this packing."""
+    return scene.replace(fills=tuple(fill.replace(packing=packing) for fill in scene.fills))
+
+
+def columns(quick: bool) -> Iterator[dict[str, Any]]:
+    """Height within an eighth of the radius, and run-outs of shares of the mass, in radii."""
+    for aspect in (1, 3):
+        for cells in (8,) if quick else (16, 32, 64):
+            for name, packing in PACKINGS.items():
+                scene = gr.scenes.cylinder_collapse(
+                    aspect=aspect,
+                    radius=RADIUS,
+                    axisymmetric=True,
+                    cell=RADIUS / cells,
+                    jitter=0.5,
+                    material=SAME if packing is None else SAND,
+                )
+                sim = gr.Simulation(filled(scene, packing), threads=1)
+                state = sim.run(until=0.2 if quick else 1.4, monitor=False).state
+                r = state.x[:, 0]
+                near = r < RADIUS / 8
+                order = np.argsort(r)
+                share = np.cumsum(state.mass[order]) / state.mass.sum()
+                outer = [float(r[order][np.searchsorted(share, q)]) for q in (0.99, 0.999)]
+                yield {
+                    "aspect": aspect,
+                    "cells": cells,
+                    "material": name,
+                    "height": float(
+                        state.volume[near].sum() / (math.pi * (RADIUS / 8) ** 2) / RADIUS
+                    ),
+                    "runout_99": outer[0] / RADIUS - 1,
+                    "runout": outer[1] / RADIUS - 1,
+                    "lube_height": 0.88 * aspect ** (1 / 6),
+                    "lube_runout": 1.24 * aspect if aspect < 1.7 else 1.6 * aspect**0.5,
+                }
+
+
+def layers(quick: bool) -> Iterator[dict[str, Any]]:
+    """Angle between which a layer of ten cells starts, by bisection, and that of its peak."""
+    for packing in (BEADS.phi_c, 0.59, 0.6):
+        low, high = 18.0, 30.0
+        while high - low > (4.0 if quick else 0.1):
+            middle = (low + high) / 2
+            scene = gr.scenes.incline(
+                angle_deg=middle, height=0.05, columns=4, jitter=0.5, material=BEADS
+            )
+            sim = gr.Simulation(filled(scene, packing), threads=1)
+            speed = np.abs(sim.run(until=2.0, monitor=False).state.v).max()
+            low, high = (low, middle) if speed > 0.02 else (middle, high)
+        yield {
+            "packing": packing,
+            "start": (low + high) / 2,
+            "theory": math.degrees(math.atan(BEADS.peak_friction(packing))),
+            "stop": math.degrees(math.atan(BEADS.mu_s)),
+        }
+
+
+def times(quick: bool) -> Iterator[dict[str, Any]]:
+    """Processor time of a point and step in a flowing column, and of mu(I), in turns."""
+    for dim in (2, 3):
+        sims = {}
+        for name, packing in (("mu(I)", None), ("dilatant", 0.6)):
+            make = gr.scenes.column_collapse if dim == 2 else gr.scenes.cylinder_collapse
+            scene = make(
+                cell=0.1 if quick else (0.004, 0.0125)[dim - 2],
+                points_per_cell=4 * dim - 4,
+                material=SAME if packing is None else SAND,
+            )
+            sims[name] = gr.Simulation(filled(scene, packing), threads=1)
+            sims[name].step(5 if quick else 1000)
+        steps = 2 if quick else 50
+        best = dict.fromkeys(sims, math.inf)
+        for _ in range(1 if quick else 5):
+            for name, sim in sims.items():
+                best[name] = min(best[name], least_time(partial(sim.step, steps), 1))
+        for name, sim in sims.items():
+            yield {
+                "dim": f"{dim}D",
+                "material": name,
+                "points": sim.n_points,
+                "nanoseconds": best[name] / steps / sim.n_points * 1e9,
+                "ratio": best[name] / best["mu(I)"],
+            }
+
+
+STUDIES = {"columns": columns, "layers": layers, "times": times}
+
+
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Tables of the page."""
+    studies = results["studies"]
+    return {
+        "columns": table(
+            studies.get("columns", []),
+            {
+                "aspect": "{aspect}",
+                "cells in a radius": "{cells}",
+                "material": "{material}",
+                "height": "{height:.2f}",
+                "of Lube": "{lube_height:.2f}",
+                "run-out of 99 %": "{runout_99:.2f}",
+                "of 99.9 %": "{runout:.2f}",
+                " of Lube": "{lube_runout:.2f}",
+            },
+        ),
+        "layers": table(
+            studies.get("layers", []),
+            {
+                "packing": "{packing}",
+                "starts at": "{start:.1f}°",
+                "peak friction": "{theory:.1f}°",
+                "critical friction": "{stop:.1f}°",
+            },
+        ),
+        "times": table(
+            studies.get("times", []),
+            {
+                "": "{dim}",
+                "material": "{material}",
+                "points": "{points:,}",
+                "time of a point and step": "{nanoseconds:.0f} ns",
+                "over mu(I)": "{ratio:.2f}",
+            },
+        ),
+    }
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Run some of the studies, by default all."""
+    parser = parser_of(__name__, __doc__)
+    parser.add_argument("--only", nargs="+", choices=STUDIES, default=list(STUDIES))
+    run_studies(parser.parse_args(argv), STUDIES)
