@@ -23,7 +23,7 @@
 #include "core/simd.h"
 
 #define GR_DILATANT_STEPS 100      /* a bound: four are usual, more where x has to be doubled for want of a root */
-#define GR_DILATANT_LAST 1e-9      /* relative size of a last step: the error that it leaves is of the order of its square */
+#define GR_DILATANT_LAST 1e-6      /* relative size of a last step: the error that it leaves is of the order of its square */
 #define GR_DILATANT_UNBOUNDED 1e30 /* end of the interval before one is found */
 
 struct gr_dilatant_numbers {

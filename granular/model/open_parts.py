@@ -14,6 +14,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from granular.model.open_space import Distance, OpenSpace
 from granular.model.seeding_lattice import SeedingLattice
@@ -235,8 +236,8 @@ def _merged(parts: _Parts, edge: float, space: OpenSpace) -> _Parts:
 class OpenParts:
     """Positions and volumes of the points of a region that contains bodies, in parts.
 
-    Squares that are cut, and those near to a small part of one, are kept; of all others only which
-    of them are in the region. So the memory for many squares is that of their boundary.
+    Squares that are cut, and those near to a small part of one, are kept; of all others only the
+    numbers of those in the region.
 
     Parameters
     ----------
@@ -253,13 +254,17 @@ class OpenParts:
         self, seeding_lattice: SeedingLattice, region: Region, space: OpenSpace, even: bool
     ) -> None:
         self._lattice, self._region, self._space = seeding_lattice, region, space
-        self._is_whole = np.zeros(seeding_lattice.n, dtype=bool)
+        self._whole: list[NDArray[np.int32]] = []  # numbers in each part of the whole squares
         self._parts = _Parts.none(seeding_lattice.dim)
         if not even:
             self._parts = _merged(self._near_boundary(), seeding_lattice.spacing, space)
             return
         for squares in seeding_lattice.in_parts():
-            self._is_whole[squares] = region.contains(seeding_lattice.at(squares))
+            self._keep(region.contains(seeding_lattice.at(squares)))
+
+    def _keep(self, whole: BoolArray) -> None:
+        """Note the whole squares of a part."""
+        self._whole.append(np.flatnonzero(whole).astype(np.int32))
 
     def _near_boundary(self) -> _Parts:
         """Find the whole squares; return the parts of the cut ones and the squares near to them."""
@@ -271,12 +276,21 @@ class OpenParts:
         if not parts:
             return _Parts.none(self._lattice.dim)
         cut = _Parts.joined(parts)
-        near = self._lattice.around(cut.of[cut.are_small(edge)], AROUND)
-        near = near[self._is_whole[near]]
-        self._is_whole[near] = False
+        near = self._taken(self._lattice.around(cut.of[cut.are_small(edge)], AROUND))
         volumes = np.full(len(near), edge**self._lattice.dim)
         every = np.ones(len(near), dtype=bool)
         return _Parts.joined([_Parts(near, self._lattice.at(near), volumes, every), cut])
+
+    def _taken(self, near: IntArray) -> IntArray:
+        """Remove the whole ones of these squares, which are sorted, and return them."""
+        taken = [np.empty(0, dtype=np.int64)]
+        for k, squares in enumerate(self._lattice.in_parts()):
+            begin, end = np.searchsorted(near, (squares[0], squares[-1] + 1))
+            if begin < end:
+                is_near = np.isin(self._whole[k], near[begin:end] - squares[0])
+                taken.append(squares[self._whole[k][is_near]])
+                self._whole[k] = self._whole[k][~is_near]
+        return np.concatenate(taken)
 
     def _cut(self, squares: IntArray) -> _Parts:
         """Note which of some squares are whole; return the parts of those that are cut."""
@@ -288,7 +302,7 @@ class OpenParts:
         cut = np.flatnonzero((np.abs(phi) < reach) | mixed)
         whole = (phi >= reach) & ~mixed
         whole[whole] = region.contains(sites[whole])
-        self._is_whole[squares] = whole
+        self._keep(whole)
         parts = [_Parts.none(self._lattice.dim)]
         at_once = PIECES >> (LEVELS * self._lattice.dim)
         for begin in range(0, len(cut), at_once):
@@ -305,8 +319,8 @@ class OpenParts:
         below `LEAST_SHARE` are added to a neighbour.
         """
         seeding_lattice, parts = self._lattice, self._parts
-        for squares in seeding_lattice.in_parts():
-            whole = squares[self._is_whole[squares]]
+        for squares, kept in zip(seeding_lattice.in_parts(), self._whole, strict=True):
+            whole = squares[kept]
             begin, end = np.searchsorted(parts.of, (squares[0], squares[-1] + 1))
             owner = np.concatenate([whole, parts.of[begin:end]])
             order = np.argsort(owner, kind="stable")

@@ -22,6 +22,7 @@ from granular.model.regions import Cloud, Mask
 from granular.model.seeding import estimated_points, is_level_box, most_points
 from granular.model.seeding_lattice import AT_ONCE
 from granular.mpm.body_distances import distance_from_bodies
+from granular.mpm.point_field import SUMMED
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.run import memory
@@ -29,28 +30,30 @@ from granular.run.memory import BASE, MARGIN, entering, refuse
 from granular.tools.arrays import Array
 from granular.tools.checks import truth
 
-_CUTS = 35 * 2**20
+_CUTS = 29 * 2**20
 """Memory of the parts of SciPy that cut the squares of a seeding lattice, and of the distances from
 bodies at the samples of a scene [bytes]: `rotating_drum` has the most of the ready scenes."""
 
 _POINT = {
-    2: {"plain": 300, "affine": 370, "cell_averaged": 365, "smoothed": 470},
-    3: {"plain": 360, "affine": 510, "cell_averaged": 505, "smoothed": 630},
+    2: {"plain": 300, "affine": 270, "cell_averaged": 265, "smoothed": 370},
+    3: {"plain": 360, "affine": 410, "cell_averaged": 405, "smoothed": 530},
 }
-"""Memory of a point with its record [bytes], by dimension and density; with the density of the
-point itself by whether its transfer carries gradients of the velocity."""
-_POINT_IN_SINGLE = {2: {"affine": 385, "smoothed": 475}, 3: {"affine": 460, "smoothed": 590}}
+"""Memory of a point [bytes], by dimension and density; with the density of the point
+itself by whether its transfer carries gradients of the velocity."""
+_POINT_IN_SINGLE = {2: {"affine": 285, "smoothed": 375}, 3: {"affine": 360, "smoothed": 490}}
 """Likewise in single precision, in which the record is as large."""
 _CELL = {
-    2: {"linear": 510, "ugimp": 690, "quadratic": 560, "cell_averaged": 660, "smoothed": 880},
-    3: {"linear": 720, "ugimp": 1400, "quadratic": 1270, "cell_averaged": 960, "smoothed": 2240},
+    2: {"linear": 600, "ugimp": 780, "quadratic": 650, "cell_averaged": 750, "smoothed": 970},
+    3: {"linear": 810, "ugimp": 1490, "quadratic": 1360, "cell_averaged": 1050, "smoothed": 2330},
 }
 """Memory of an active cell and of its nodes [bytes]: one with points, or next to one; by density,
 with the density of the point itself by the basis."""
-_CELL_IN_SINGLE = {2: {"quadratic": 425, "smoothed": 700}, 3: {"quadratic": 900, "smoothed": 1540}}
-_LITHOSTATIC = 100
+_CELL_IN_SINGLE = {2: {"quadratic": 515, "smoothed": 790}, 3: {"quadratic": 990, "smoothed": 1630}}
+_SAMPLED = 130
+"""Memory of a point that is summed for a sample of the run [bytes]."""
+_LITHOSTATIC = 40
 """Further memory of a point of a scene with the pressure of the weight above [bytes]."""
-_NEAR_BODIES = 70
+_NEAR_BODIES = 40
 """Further memory of a point of a scene with bodies [bytes]."""
 _NONLOCAL_CELL = {2: 240, 3: 300}
 """Further memory of an active cell with a fluidity [bytes]."""
@@ -117,7 +120,7 @@ def _memory(scene: Scene, counts: Sequence[int], ratios: Sequence[float], share:
     point, cell = _bytes(scene.scheme, scene.dim)
     point += _LITHOSTATIC * any(fill.lithostatic for fill in scene.fills)
     point += _NEAR_BODIES * bool(scene.bodies)
-    running = 0.0
+    running = _SAMPLED * min(share * sum(counts), SUMMED)
     if scene.nonlocal_material is not None:
         cell += _NONLOCAL_CELL[scene.dim]
         running += _FACE * 2 * scene.dim * math.prod(scene.grid.shape)

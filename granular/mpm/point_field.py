@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from granular.tools.arrays import IntArray
 from granular.tools.buffers import stored_type
 
+SUMMED = 1 << 17
+"""Points that are summed at once for a sample of a run, for the sake of memory."""
+
 
 class PointField:
     """A field of the points in the order of their ids; see `granular.record.fresh.Columns`."""

@@ -28,7 +28,7 @@ from granular.mpm.coupling import Coupled
 from granular.mpm.free_bodies import INTERVAL, FreeBodies
 from granular.mpm.inflow_state import account
 from granular.mpm.patches import in_order, patch_fields, stored_patches, watched_solids
-from granular.mpm.point_field import PointField, PointRows, whole_groups
+from granular.mpm.point_field import SUMMED, PointField, PointRows, whole_groups
 from granular.mpm.rigid_contact import touch_solids
 from granular.mpm.scene import Scene
 from granular.mpm.wall_owners import wall_owners
@@ -64,9 +64,6 @@ these fields.
 
 AT_LIMIT = 0.999
 """Share of the limit of a quadrature weight from which it counts as being at the limit."""
-
-AT_ONCE = 1 << 17
-"""Points that are summed at once for a sample of a run, for the sake of memory."""
 
 SPARSE = 16
 """Largest id, in multiples of the number of slots, up to which points are ordered by a table.
@@ -284,7 +281,7 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
     def _sums(self, thorough: bool) -> CellSums:
         slots, counts, _ = self._engine.cells()
         parts = []
-        for points in whole_groups(counts, AT_ONCE):
+        for points in whole_groups(counts, SUMMED):
             columns = self._wrapped(self._columns_at(slots[points], recorded=True))
             state = self._state_of({name: field.whole() for name, field in columns.items()})
             parts.append(CellSums.from_state(state, self._marked(state, thorough)))
