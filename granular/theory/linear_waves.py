@@ -14,9 +14,16 @@ stress, a small change of tau and p changes g by
     g' = g (tau' - mu (1 - r/2) p')/(r mu p),   r = d ln mu/d ln I,
 
 so that a wave exp(i k.x) of (v_x, v_y, s_xx, s_yy, s_xy, c) changes at rates that are the
-eigenvalues of a matrix. The wave vector is taken as constant, though the shear turns it: its
-component along y changes by -g k_x per time. The differences of normal stress of the base flow, of
-the order of mu p/G, are neglected.
+eigenvalues of a matrix. Material that dilates (`granular.DilatantMuI`) has the packing fraction phi
+besides. In steady flow its angle of dilation is 0, and with the tangent psi = m (phi - phi_eq(I))
+
+    Dc = -div v + psi g,   D ln(phi) = -psi g,   tau = (mu(I) + psi) p,
+
+so that r is that of mu(I) + m (phi_c - phi_eq(I)), and g' has the further term -g m phi'/(r mu).
+
+The wave vector is taken as constant, though the shear turns it: its component along y changes by
+-g k_x per time. The differences of normal stress of the base flow, of the order of mu p/G, are
+neglected.
 """
 
 from __future__ import annotations
@@ -26,18 +33,19 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.materials import MuI, RegularisedMuI
+from granular.materials import DilatantMuI, MuI, RegularisedMuI
 from granular.theory.incline import check_cohesionless
 from granular.theory.well_posed import _friction
 from granular.tools.checks import positive, vector
 
+_Law = MuI | RegularisedMuI | DilatantMuI
+"""Laws whose waves are known."""
 
-def _base(
-    material: MuI | RegularisedMuI, inertial_number: float, pressure: float
-) -> tuple[float, float, float]:
+
+def _base(material: _Law, inertial_number: float, pressure: float) -> tuple[float, float, float]:
     """Friction, r = d ln mu/d ln I, and shear rate [1/s] of the flow."""
-    if not isinstance(material, MuI | RegularisedMuI):
-        raise TypeError(f"material = {material!r} must be a MuI or RegularisedMuI")
+    if not isinstance(material, _Law):
+        raise TypeError(f"material = {material!r} must be a MuI, RegularisedMuI or DilatantMuI")
     check_cohesionless(material)
     if material.d is None or material.I0 is None:
         raise ValueError(
@@ -45,13 +53,21 @@ def _base(
             f"{material.I0}"
         )
     mu, r = _friction(inertial_number / material.I0, material)
+    if isinstance(material, DilatantMuI):
+        r += _loosening(material, inertial_number) / mu
     rate = inertial_number / material.d * math.sqrt(pressure / material.rho_s)
     return float(mu), float(r), rate
 
 
+def _loosening(material: DilatantMuI, inertial_number: float) -> float:
+    """Derivative of the angle of dilation by ln I at a constant packing."""
+    share = material.I0 * inertial_number / (material.I0 + inertial_number) ** 2
+    return material.dilatancy * (material.phi_c - material.phi_fast) * share
+
+
 def shear_waves(
     *,
-    material: MuI | RegularisedMuI,
+    material: _Law,
     inertial_number: float,
     pressure: float,
     wave_vector: tuple[float, float],
@@ -60,7 +76,7 @@ def shear_waves(
 
     Parameters
     ----------
-    material : MuI or RegularisedMuI
+    material : MuI, RegularisedMuI or DilatantMuI
         Without cohesion; made with `I0` and the diameter `d` of its grains.
     inertial_number, pressure : float
         Inertial number I of the flow and its pressure [Pa], > 0.
@@ -69,19 +85,21 @@ def shear_waves(
 
     Returns
     -------
-    rates : ndarray, shape (6,)
+    rates : ndarray, shape (6,), or (7,) for a DilatantMuI
         Complex rates [1/s]; a wave grows if the real part is positive. The fastest comes first.
-    shapes : ndarray, shape (6, 6)
-        Columns (v_x, v_y, s_xx, s_yy, s_xy, c) of each [m/s, Pa, 1], up to a factor.
+    shapes : ndarray, shape (6, 6) or (7, 7)
+        Columns (v_x, v_y, s_xx, s_yy, s_xy, c, ln phi) of each [m/s, Pa, 1], up to a factor.
     {raises}.
     """
     number = positive("inertial_number", inertial_number)
     p = positive("pressure", pressure)
     x, y = vector("wave_vector", wave_vector, 2)
     mu, r, g = _base(material, number, p)
-    G, K, rho = material.G, material.K, material.rho_c
-    # Rows are equations, columns (v_x, v_y, s_xx, s_yy, s_xy, c).
-    A = np.zeros((6, 6), dtype=complex)
+    G, K, rho, count = material.G, material.K, material.rho_c, 6
+    if isinstance(material, DilatantMuI):
+        rho, count = material.rho_s * material.packing(number), 7
+    # Rows are equations, columns (v_x, v_y, s_xx, s_yy, s_xy, c, ln phi).
+    A = np.zeros((count, count), dtype=complex)
     A[0, [2, 4, 5]] = np.array([x, y, -K * x]) * 1j / rho
     A[1, [4, 3, 5]] = np.array([x, y, -K * y]) * 1j / rho
     A[0, 1] = -g
@@ -101,8 +119,17 @@ def shear_waves(
     relax = G * g / (mu * p)
     A[2, 2] -= relax
     A[3, 3] -= relax
-    A[4, 4] -= relax / r
-    A[4, 5] += relax / r * mu * (1.0 - 0.5 * r) * K
+    faster = np.zeros(count)  # g' by each
+    faster[4], faster[5] = g / (r * mu * p), -g * (1.0 - 0.5 * r) * K / (r * p)
+    if isinstance(material, DilatantMuI):
+        denser = material.dilatancy * material.packing(number)
+        faster[6] = -g * denser / (r * mu)
+        dilates = _loosening(material, number) * faster  # psi' g
+        dilates[5] -= _loosening(material, number) * g * K / (2.0 * p)
+        dilates[6] += denser * g
+        A[5] += dilates
+        A[6] -= dilates
+    A[4] -= G * faster
     rates, shapes = np.linalg.eig(A)
     order = np.argsort(-rates.real)
     return rates[order], shapes[:, order]
@@ -110,7 +137,7 @@ def shear_waves(
 
 def shear_wave_growth(
     *,
-    material: MuI | RegularisedMuI,
+    material: _Law,
     inertial_number: float,
     pressure: float,
     wave_vector: tuple[float, float],

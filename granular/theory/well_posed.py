@@ -30,7 +30,7 @@ from typing import Any, overload
 import numpy as np
 import scipy
 
-from granular.materials import NGF, MuI, RegularisedMuI
+from granular.materials import NGF, DilatantMuI, MuI, RegularisedMuI
 from granular.theory.incline import check_cohesionless, check_mu_I
 from granular.tools.arrays import Array
 from granular.tools.checks import in_range, positive
@@ -94,7 +94,7 @@ def ill_posedness(
     return q**2 - 4 * r * (1 - r)
 
 
-def _friction(x: float | Array, material: _Law) -> tuple[Any, Any]:
+def _friction(x: float | Array, material: _Law | DilatantMuI) -> tuple[Any, Any]:
     """Friction mu at x = I/I0, and r = d ln mu/d ln I."""
     gain = material.mu_2 - material.mu_s
     if not isinstance(material, RegularisedMuI):

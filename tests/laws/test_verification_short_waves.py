@@ -3,7 +3,9 @@
 import functools
 import math
 
+import numpy as np
 import pytest
+from dilatant_point import rates
 from stability import short_waves
 from stability.short_waves import FAST, PLAIN, REGULARISED, SLOW
 
@@ -84,3 +86,78 @@ def test_bad_input_is_refused():
     ):
         with pytest.raises(error, match=message):
             shear_waves(**{"material": PLAIN} | given | change)
+
+
+# ---- material that dilates ----
+
+BEADS = gr.DilatantMuI(E=1e9, d=0.005)
+
+
+def fastest(material, number, length):
+    """Largest growth of waves of a length [m] in all directions, over the shear rate."""
+    k = 2 * math.pi / length
+    return max(
+        shear_wave_growth(
+            material=material,
+            inertial_number=number,
+            pressure=1e3,
+            wave_vector=(k * math.cos(angle), k * math.sin(angle)),
+        )
+        for angle in np.linspace(0, math.pi, 61)
+    ) / (number / material.d * math.sqrt(1e3 / material.rho_s))
+
+
+def test_dilation_bounds_the_growth_of_short_waves_in_slow_flow():
+    """Where mu(I) is ill posed they grow with 1/length^2; slower than I = 0.005 so do both."""
+    plain = gr.MuI(E=1e9, I0=BEADS.I0, d=BEADS.d, rho_s=BEADS.rho_s, rho_c=BEADS.rho_c)
+    assert fastest(plain, 0.01, 1e-2) > 1e3 and fastest(plain, 0.01, 1e-3) > 5e4
+    assert all(fastest(BEADS, 0.01, length) < 8.0 for length in (1.0, 0.1, 1e-2, 1e-3))
+    assert all(fastest(BEADS, number, 1e-3) < 1e-6 for number in (0.1, 0.5))
+    assert fastest(BEADS, 1e-3, 1e-3) > 1e5
+
+
+def test_the_waves_of_a_law_that_hardly_dilates_are_those_of_mu_I():
+    flat = BEADS.replace(dilatancy=0.0, phi_fast=BEADS.phi_c)
+    plain = gr.MuI(E=1e9, I0=flat.I0, d=flat.d, rho_s=flat.rho_s, rho_c=flat.rho_c)
+    given = {"inertial_number": 0.05, "pressure": 1e3, "wave_vector": (30.0, 70.0)}
+    ours, _ = shear_waves(material=flat, **given)
+    theirs, _ = shear_waves(material=plain, **given)
+    ours = np.delete(ours, np.argmin(abs(ours)))  # that of the packing
+    assert sorted(ours, key=lambda z: (z.real, z.imag)) == pytest.approx(
+        sorted(theirs, key=lambda z: (z.real, z.imag)), rel=1e-9
+    )
+
+
+@pytest.mark.parametrize("number", [0.01, 0.1, 1.0])
+def test_long_waves_have_the_rates_of_the_law_by_differences(number):
+    """The linearised law is that of the rate equations at a point, in a homogeneous flow."""
+    p, m = 1e3, BEADS
+    g = number / m.d * math.sqrt(p / m.rho_s)
+    packing = m.packing(number)
+
+    def change(y):
+        xx, yy, xy, c, log_packing = y
+        tau = math.sqrt((xx * xx + yy * yy + (xx + yy) ** 2) / 2 + xy * xy)
+        plastic, psi = rates(m, packing * math.exp(log_packing), p + m.K * c, tau)
+        flow = m.G * plastic / tau
+        return np.array([
+            g * xy - flow * xx, -g * xy - flow * yy, m.G * g - flow * xy + g * (yy - xx) / 2,
+            psi * plastic, -psi * plastic,
+        ])  # fmt: skip
+
+    base, steps = (
+        np.array([0.0, 0.0, m.friction(number) * p, 0.0, 0.0]),
+        (1e-3, 1e-3, 1e-3, 1e-12, 1e-9),
+    )
+    jacobian = np.array(
+        [
+            (change(base + h * e) - change(base - h * e)) / (2 * h)
+            for h, e in zip(steps, np.eye(5), strict=True)
+        ]
+    ).T
+    assert abs(change(base)[2:]).max() < 1e-6 * m.G * g
+    expected = np.linalg.eigvals(jacobian)
+    found, _ = shear_waves(material=m, inertial_number=number, pressure=p, wave_vector=(1e-9, 1e-9))
+    scale = abs(expected).max()
+    for rate in expected:
+        assert abs(found - rate).min() < 1e-4 * max(abs(rate), 1e-6 * scale)
