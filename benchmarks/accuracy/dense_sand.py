@@ -1,4 +1,4 @@
-"""Loose and dense sand with DilatantMuI: cylinders of Lube 2004, layers on slopes, time of a step.
+"""Loose and dense sand with DilatantMuI: cylinders, an impact, layers on slopes, time of a step.
 
 All runs take about 20 minutes by one thread.
 """
@@ -86,6 +86,40 @@ def layers(quick: bool) -> Iterator[dict[str, Any]]:
         }
 
 
+SPHERES: dict[str, Any] = {"E": 1e7, "mu_s": 0.38, "mu_2": 0.64, "I0": 0.279, "d": 2e-3}
+"""Glass spheres of 2 mm."""
+MOMENTS, DEPTHS = (1.7e-3, 3.2e-3, 5.2e-3, 7.2e-3), (7.02e-3, 12.19e-3, 18.13e-3, 23.16e-3)
+"""Times after contact [s] and depths [m] of a steel ball of 20 mm in a bed of such spheres at
+5.2 m/s, by discrete elements (Dosta et al.)."""
+
+
+def impacts(quick: bool) -> Iterator[dict[str, Any]]:
+    """Depths of the ball at these times, over those."""
+    for cell in (4e-3,) if quick else (2e-3, 1e-3):
+        for name, packing in (("mu(I)", None), *((f"{p}", p) for p in (0.585, 0.6, 0.62, 0.64))):
+            rho = {"rho_s": 2500.0}
+            grains = gr.MuI(**SPHERES, **rho, rho_c=1500.0)
+            scene = gr.scenes.sphere_drop(
+                drop=1.378, diameter=0.02, density=7850.0, width=0.12, soil=0.06, headroom=0.03,
+                axisymmetric=True, cell=cell, jitter=0.5,
+                material=grains if packing is None else gr.DilatantMuI(**SPHERES, **rho),
+            )  # fmt: skip
+            sim = gr.Simulation(filled(scene, packing), threads=1)
+            speed = abs(float(sim.bodies[0].velocity[-1]))
+            path = [(0.0, 0.01 - float(sim.bodies[0].position[-1]))]
+            while path[-1][0] < 9e-3 and not (quick and len(path) > 3):
+                sim.run(until=path[-1][0] + 1e-4, monitor=False)
+                path.append((sim.time, 0.01 - float(sim.bodies[0].position[-1])))
+            at, depth = np.array(path).T
+            contact = -depth[0] / speed
+            found = np.interp(np.array(MOMENTS) + contact, at, depth)
+            yield {
+                "material": name,
+                "cell": cell,
+                "ratios": [float(z / known) for z, known in zip(found, DEPTHS, strict=True)],
+            }
+
+
 def times(quick: bool) -> Iterator[dict[str, Any]]:
     """Processor time of a point and step in a flowing column, and of mu(I), in turns."""
     for dim in (2, 3):
@@ -114,7 +148,7 @@ def times(quick: bool) -> Iterator[dict[str, Any]]:
             }
 
 
-STUDIES = {"columns": columns, "layers": layers, "times": times}
+STUDIES = {"columns": columns, "impacts": impacts, "layers": layers, "times": times}
 
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
@@ -133,6 +167,14 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
                 "of 99.9 %": "{runout:.2f}",
                 " of Lube": "{lube_runout:.2f}",
             },
+        ),
+        "impacts": table(
+            [
+                row | {f"at {k}": ratio for k, ratio in enumerate(row["ratios"])}
+                for row in studies.get("impacts", [])
+            ],
+            {"packing": "{material}", "cell": "{cell} m"}
+            | {f"after {1e3 * t:.1f} ms": f"{{at {k}:.2f}}" for k, t in enumerate(MOMENTS)},
         ),
         "layers": table(
             studies.get("layers", []),

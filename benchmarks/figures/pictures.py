@@ -11,7 +11,7 @@ from collections.abc import Callable
 from figures import (
     cohesion,
     damp_waves,
-    dense_sand,
+    dense_columns,
     free_scenes,
     inflow,
     own_law,
@@ -24,7 +24,7 @@ from granular.plot import Picture
 PAGES: dict[str, Callable[[bool], Picture]] = {
     "cohesion": cohesion.picture,
     "damp_waves": damp_waves.picture,
-    "dense_sand": dense_sand.picture,
+    "dense_sand": dense_columns.picture,
     "free_bodies": thrown_block.picture,
     "free_scenes": free_scenes.picture,
     "inflow": inflow.picture,
