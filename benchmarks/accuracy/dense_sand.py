@@ -112,11 +112,11 @@ def impacts(quick: bool) -> Iterator[dict[str, Any]]:
                 path.append((sim.time, 0.01 - float(sim.bodies[0].position[-1])))
             at, depth = np.array(path).T
             contact = -depth[0] / speed
-            found = np.interp(np.array(MOMENTS) + contact, at, depth)
+            depths = np.interp(np.array(MOMENTS) + contact, at, depth)
             yield {
                 "material": name,
                 "cell": cell,
-                "ratios": [float(z / known) for z, known in zip(found, DEPTHS, strict=True)],
+                "ratios": [float(z / known) for z, known in zip(depths, DEPTHS, strict=True)],
             }
 
 

@@ -49,10 +49,6 @@ class Fill(Description):
         Initial density [kg/m3]; None for the material's `rho_c`. Grains have the corresponding
         pressure, K ln(rho/rho_c) if that is positive; cohesive ones of a lower density are
         separated, and cohere once they touch. Must be None in a lithostatic fill.
-    packing : float or None
-        Packing fraction at which material that dilates (`granular.DilatantMuI`) is free of stress
-        at first, 0.3 to 0.8; its density is then `packing` rho_s in place of rho_c. None for its
-        `phi_c`, and for other materials.
     velocity : tuple of float, length dim, or None
         Initial velocity [m/s]; None for rest.
     jitter : float
@@ -80,19 +76,23 @@ class Fill(Description):
     material : Material or None
         Material of this fill; None for the material of the scene. Several materials share one
         velocity field, so that they stick to each other where they meet.
+    packing : float or None
+        Packing fraction at which material that dilates (`granular.DilatantMuI`) is free of stress
+        at first, 0.3 to 0.8; its density is then `packing` rho_s in place of rho_c. None for its
+        `phi_c`, and for other materials.
     {raises}.
     """
 
     region: Region
     points_per_cell: int
     density: float | None = None
-    packing: float | None = None
     velocity: Vector | None = None
     jitter: float = 0.0
     stagger: bool = False
     lithostatic: bool = False
     K0: float | None = None
     material: Material | None = None
+    packing: float | None = None
 
     def __post_init__(self) -> None:
         kinds_of(self, region=Region)

@@ -77,7 +77,7 @@ def test_fast_flow_is_ill_posed_too():
 def test_bad_input_is_refused():
     given = {"inertial_number": SLOW, "pressure": 1e3, "wave_vector": (1.0, 2.0)}
     for change, error, message in (
-        ({"material": gr.Elastic()}, TypeError, "must be a MuI or RegularisedMuI"),
+        ({"material": gr.Elastic()}, TypeError, "must be a MuI, RegularisedMuI or"),
         ({"material": PLAIN.replace(cohesion=1.0)}, ValueError, "cohesion = 1.0"),
         ({"material": gr.MuI()}, ValueError, "grain diameter"),
         ({"inertial_number": 0.0}, ValueError, "inertial_number = 0.0"),
