@@ -126,6 +126,13 @@ def small() -> Iterator[tuple[str, gr.Scene, int]]:
     for (label, material), (k, scheme), dim in product(grains.items(), numbered[-2:], (2, 3)):
         scene = make("walls", dim, scheme).replace(material=material)
         yield f"{label} scheme {k} {dim}D", scene, 60
+    dilates = materials.DilatantMuI(E=1e5)
+    for (k, scheme), dim in product(numbered, (2, 3)):
+        if scheme[2] != "cell_averaged":
+            scene = make("walls", dim, scheme)
+            fills = tuple(fill.replace(packing=0.61) for fill in scene.fills)
+            scene = scene.replace(material=dilates, fills=fills)
+            yield f"dilatant mu(I) scheme {k} {dim}D", scene, 60
     laws = {
         "ngf": _ngf(1e5),
         "hencky ngf": _ngf(1e5, elasticity="hencky"),
