@@ -21,7 +21,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
-from shared import PICTURES, markdown, parser_of, python, rounded, write
+from shared import PICTURES, markdown, parser_of, python, rounded, stored, write
 
 import granular as gr
 
@@ -232,6 +232,9 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 
 def main(argv: list[str] | None = None) -> None:
     parser = parser_of(__name__, __doc__)
+    parser.add_argument(
+        "--only", nargs="+", choices=("steps", "memory"), default=["steps", "memory"]
+    )
     parser.add_argument("--child", nargs=6, help="a case, in a process of its own")
     parser.add_argument("--memory", nargs=3, help="scene, size and ranks of one of memory")
     chosen = parser.parse_args(argv)
@@ -243,9 +246,23 @@ def main(argv: list[str] | None = None) -> None:
         scene, *numbers = chosen.child
         child(scene, *map(int, numbers))
         return
-    turns, steps, repeats = (1, 5, 1) if chosen.quick else (3, 10, 4)
+    results = stored(chosen.out, rows=[], memory=[], weak=[])
+    if "steps" in chosen.only:
+        results["rows"] = [rounded(row) for row in measured_steps(chosen.quick)]
+        results["weak"] = [rounded(row) for row in weak(results["rows"])]
+        if chosen.out:
+            draw(results["weak"])
+    if "memory" in chosen.only:
+        results["memory"] = [rounded(row, 4) for row in measured_memory(chosen.quick)]
+    names = {"steps": ("steps", "weak"), "memory": ("memory",)}
+    write(chosen.out, results, [name for study in chosen.only for name in names[study]])
+
+
+def measured_steps(quick: bool) -> list[dict[str, Any]]:
+    """Times of steps of all cases, in turns."""
+    turns, steps, repeats = (1, 5, 1) if quick else (3, 10, 4)
     rows: list[dict[str, Any]] = []
-    for scene, size in (QUICK if chosen.quick else SIZES).items():
+    for scene, size in (QUICK if quick else SIZES).items():
         best: dict[str, dict[str, Any]] = {}
         for _ in range(turns):
             for case in CASES:
@@ -255,16 +272,14 @@ def main(argv: list[str] | None = None) -> None:
         rows += best.values()
         for row in best.values():
             print(rounded(row, 4), flush=True)
+    return rows
+
+
+def measured_memory(quick: bool) -> list[dict[str, Any]]:
+    """Largest memory of runs."""
     memory = []
-    for scene, size in (MEMORY_QUICK if chosen.quick else MEMORY).items():
+    for scene, size in (MEMORY_QUICK if quick else MEMORY).items():
         for ranks in (0, 1, 4):
             memory.append(memory_of(scene, size, ranks))
             print(rounded(memory[-1], 4), flush=True)
-    results = {
-        "rows": [rounded(row) for row in rows],
-        "memory": [rounded(row, 4) for row in memory],
-        "weak": [rounded(r) for r in weak(rows)],
-    }
-    if chosen.out:
-        draw(results["weak"])
-    write(chosen.out, results)
+    return memory
