@@ -37,9 +37,10 @@ static double parameter_named(const char *name)
     static const struct {
         const char *name;
         double value;
-    } known[] = {{"K", K},       {"G", G},   {"mu_s", MU_S},     {"mu", MU_S},     {"mu_2", MU_2}, {"xi", XI},
-                 {"A", 0.5},     {"I0", XI}, {"rho_s", 1},       {"d", 1},         {"t0", 1e-3},   {"p_averaging", 0},
-                 {"h0_deg", 30}, {"h2", 1},  {"mu_inf", MU_INF}, {"alpha", ALPHA}, {"I1", I1}};
+    } known[] = {{"K", K},         {"G", G},           {"mu_s", MU_S},   {"mu", MU_S},     {"mu_2", MU_2},
+                 {"xi", XI},       {"A", 0.5},         {"I0", XI},       {"rho_s", 1},     {"d", 1},
+                 {"t0", 1e-3},     {"p_averaging", 0}, {"h0_deg", 30},   {"h2", 1},        {"mu_inf", MU_INF},
+                 {"alpha", ALPHA}, {"I1", I1},         {"dilatancy", 4}, {"phi_c", 0.585}, {"phi_fast", 0.53}};
     for (size_t k = 0; k < sizeof known / sizeof *known; k++)
         if (!strcmp(known[k].name, name)) return known[k].value;
     return 0;
@@ -48,7 +49,8 @@ static double parameter_named(const char *name)
 /* Run a law over the points, in the order and lanes of a kernel; a nonlocal law without a fluidity. */
 static void update(const struct gr_kernels *kernels, int law, struct points *p, int from_density)
 {
-    static double gradient[MOST * 9], stress[6][MOST], log_density[MOST], shear_rate[MOST], g[MOST], g_star[MOST];
+    static double gradient[MOST * 9], stress[6][MOST], log_density[MOST], shear_rate[MOST], g[MOST], g_star[MOST],
+        bulking[MOST];
     double parameter[GR_LAW_MAX_PARAMETERS];
     for (int q = 0; q < gr_law_parameters(gr_law_at(law)); q++)
         parameter[q] = parameter_named(gr_law_at(law)->parameter[q].name);
@@ -64,12 +66,14 @@ static void update(const struct gr_kernels *kernels, int law, struct points *p, 
                                .log_density = log_density,
                                .shear_rate = shear_rate};
     if (gr_law_at(law)->reaction) call.g_star = g_star, call.g = g;
+    if (gr_law_at(law)->dilates) call.bulking = bulking;
     for (int c = 0; c < rows; c++) call.stress[c] = stress[c];
     for (int k = 0; k < p->n; k++) {
         slot[k / w] = k / w * w;
         for (int c = 0; c < dd; c++) gradient[(k / w * dd + c) * w + k % w] = p->gradient[k][c];
         for (int c = 0; c < rows; c++) stress[c][k] = p->stress[k][c];
         log_density[k] = p->log_density[k];
+        bulking[k] = 1;
         shear_rate[k] = gr_law_at(law)->reaction ? 0 : p->shear_rate[k];
     }
     kernels->laws[law]->update[p->dim - 2](&call);

@@ -385,6 +385,7 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
             ("mass", LEAST, LARGEST),
             ("material", 0, len(scene.materials) - 1),
             ("side", -1, 1),
+            ("bulking", 0.1, 10.0),
         ):
             if name in names:
                 check_range(arrays, name, low, high)
