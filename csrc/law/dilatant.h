@@ -90,26 +90,31 @@ static inline struct gr_dilatant_flow gr_flow_dilatant(const struct gr_dilatant_
         .tau = v_max(zero, at.friction * at.q * at.q), .gamma = gamma, .dilation = at.psi * gamma};
 }
 
-/* ln(b) for 0.5 < b <= 1: twice the power series of artanh((b - 1)/(b + 1)); to 1e-9 at the lower end, and to round-off
- * from 0.8 on. */
+/* ln(b) for 0.05 < b <= 1: eight times the power series of artanh((r - 1)/(r + 1)) of r = b^1/4, r > 0.47; to 1e-8 at the
+ * lower end, and to round-off from 0.3 on. */
 static inline vd gr_log_below_one(vd b)
 {
-    const vd one = v_set(1.0), z = (b - one) / (b + one), square = z * z;
+    const vd one = v_set(1.0), r = v_sqrt(v_sqrt(b)), z = (r - one) / (r + one), square = z * z;
     vd sum = v_set(1.0 / 19);
     for (int k = 17; k > 0; k -= 2) sum = v_fma(sum, square, v_set(1.0 / k));
-    return v_set(2.0) * z * sum;
+    return v_set(8.0) * z * sum;
 }
 
-/* Material free of stress, c < 0, that is denser than critical where it rests: its grains have moved apart, and it rests at
- * the packing that they have now, or at the critical one. */
+/* Opening up to which dense material keeps its packing, as a logarithmic strain: that from which schemes count points as
+ * disconnected by default. Without it each elastic rebound would loosen the material for good. */
+#define GR_DILATANT_KEEPS 0.02
+
+/* Material free of stress that is denser than critical where it rests, and has opened farther, c < -GR_DILATANT_KEEPS: its
+ * grains have moved apart, and it rests at the packing that it would have if it were pressed together by as much, or at the
+ * critical one. */
 static inline void gr_loosen(vm free, vd *c, vd *bulking)
 {
-    const vd one = v_set(1.0), zero = v_zero();
-    const vm loosens = m_and(free, m_and(v_gt(one, *bulking), v_gt(zero, *c)));
+    const vd one = v_set(1.0), limit = v_set(-GR_DILATANT_KEEPS), now = v_max(v_set(0.05), *bulking);
+    const vm loosens = m_and(free, m_and(v_gt(one, *bulking), v_gt(limit, *c)));
     if (!m_bits(loosens)) return;
-    const vd least = v_set(0.5), now = v_max(least, *bulking), critical = *c - gr_log_below_one(v_min(one, now));
-    const vm apart = v_gt(zero, critical); /* looser than critical */
-    const vd there = v_select(apart, one, now * v_exp(v_max(v_set(-1.0), -*c)));
+    const vd critical = *c - gr_log_below_one(v_min(one, now)); /* c if it rested at the critical packing */
+    const vm apart = v_gt(limit, critical);
+    const vd there = v_select(apart, one, now * v_exp(v_clamp(limit - *c, 0.0, 4.0)));
     *bulking = v_select(loosens, v_min(one, there), *bulking);
-    *c = v_select(loosens, v_select(apart, critical, zero), *c);
+    *c = v_select(loosens, v_select(apart, critical, limit), *c);
 }

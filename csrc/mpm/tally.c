@@ -22,6 +22,9 @@ struct row {
     double rest_volume[GR_LANES], inverse_2K[GR_LANES], inverse_4G[GR_LANES];
     double square[GR_LANES], stress[6][GR_LANES];
     double energy[GR_LANES], power[GR_LANES];
+    struct gr_dissipation {
+        double mu_s, rise, xi; /* of material that dilates, whose flow dissipates mu(I) p gdot; xi is 0 of others */
+    } dissipation[GR_LANES];
 };
 
 #define EACH_LANE(l) for (int l = 0; l < GR_LANES; l++)
@@ -55,6 +58,20 @@ static void set_material(const struct gr_engine *e, int k, int l, struct row *ro
     row->rest_volume[l] = row->m[l] / e->config.material[k].rho_c;
     row->inverse_2K[l] = 0.5 / e->material_number[GR_MATERIAL_BULK_MODULUS][k];
     row->inverse_4G[l] = G > 0 ? 0.25 / G : 0;
+    row->dissipation[l] = (struct gr_dissipation){0, 0, 0};
+    if (gr_law_at(e->config.material[k].law)->dilates) {
+        const struct gr_material *material = &e->config.material[k];
+        const double mu_s = gr_parameter_of(material, "mu_s");
+        row->dissipation[l] =
+            (struct gr_dissipation){mu_s, gr_parameter_of(material, "mu_2") - mu_s, gr_parameter_of(material, "xi")};
+    }
+}
+
+/* Shear stress that dissipates at the pressure p and the plastic shear rate, Pa. */
+static double dissipating_stress(const struct gr_dissipation *of, double p, double rate)
+{
+    const double fast = of->xi * sqrt(p > 0 ? p : 0);
+    return p > 0 ? (of->mu_s + of->rise * rate / (fast + rate)) * p : 0;
 }
 
 /* exp(-c). Near to rho_c, where nearly all points are, a polynomial is exact to 1e-8 and many times as fast. */
@@ -68,7 +85,7 @@ static void inverse_densities(const double c[GR_LANES], double out[GR_LANES])
 }
 
 /* Kinetic and elastic energy, m v^2/2 + V (s:s/(4 G) + p^2/(2 K)), and plastic power, V tau gdot (Dunatunga & Kamrin 2015,
- * eqs 2.9 and 2.15); shears: number of shear stresses. */
+ * eqs 2.9 and 2.15), of material that dilates V mu(I) p gdot; shears: number of shear stresses. */
 static void find_energies(int shears, struct row *row)
 {
     double volume[GR_LANES], p[GR_LANES], shear[GR_LANES] = {0};
@@ -81,7 +98,9 @@ static void find_energies(int shears, struct row *row)
     {
         const double elastic = shear[l] * row->inverse_4G[l] + p[l] * p[l] * row->inverse_2K[l];
         row->energy[l] = 0.5 * row->m[l] * row->square[l] + volume[l] * elastic;
-        row->power[l] = volume[l] * sqrt(0.5 * shear[l]) * row->rate[l];
+        const double tau =
+            row->dissipation[l].xi > 0 ? dissipating_stress(&row->dissipation[l], p[l], row->rate[l]) : sqrt(0.5 * shear[l]);
+        row->power[l] = volume[l] * tau * row->rate[l];
     }
 }
 

@@ -133,10 +133,16 @@ class Material(Description):
 
         With two equal horizontal stresses, K times the vertical one, tau/p is
         sqrt(3) abs(1 - K)/(1 + 2 K). Cohesion, with which the range is larger, is not included.
+        Material that dilates is taken at its critical packing.
         """
-        mu, root = self.static_friction, math.sqrt(3.0)
-        low = (root - mu) / (root + 2 * mu) if mu < root else 0.0
-        high = (root + mu) / (root - 2 * mu) if 2 * mu < root else math.inf
+        return self.yield_ratios_at(self.static_friction)
+
+    @staticmethod
+    def yield_ratios_at(friction: float) -> tuple[float, float]:
+        """`yield_ratios` of material that begins to flow at the given friction."""
+        root = math.sqrt(3.0)
+        low = (root - friction) / (root + 2 * friction) if friction < root else 0.0
+        high = (root + friction) / (root - 2 * friction) if 2 * friction < root else math.inf
         return low, high
 
     @property
@@ -146,7 +152,11 @@ class Material(Description):
         It is nu/(1 - nu), without any strain to the sides, or the least of `yield_ratios` if that
         is more: the material then yields as it settles.
         """
-        return max(self.nu / (1.0 - self.nu), self.yield_ratios[0])
+        return self.K0_at(self.static_friction)
+
+    def K0_at(self, friction: float) -> float:
+        """`K0` of material that begins to flow at the given friction."""
+        return max(self.nu / (1.0 - self.nu), self.yield_ratios_at(friction)[0])
 
     def _repr_html_(self) -> str:
         rows = {name: value for name, value in self.arguments().items() if value is not None}

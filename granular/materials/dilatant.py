@@ -10,7 +10,7 @@ import numpy as np
 
 from granular.materials.base import Material
 from granular.materials.laws import check_friction
-from granular.tools.checks import check_fields, in_range, non_negative, positive, set_fields
+from granular.tools.checks import check_fields, in_range, positive, set_fields
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,8 +18,8 @@ class DilatantMuI(Material):
     """Granular material that dilates or compacts in flow, towards a packing fraction of the rate.
 
     Every point has a packing fraction phi at which it would be free of stress; a `Fill` begins with
-    that of its density, phi = density/rho_s. With s = I/(I0 + I) and the inertial number
-    I = shear_rate d sqrt(rho_s/p), flow at the rate gdot changes it by
+    its `packing`, or with phi_c (a `density` above packing rho_s presses it). With s = I/(I0 + I)
+    and the inertial number I = shear_rate d sqrt(rho_s/p), flow at the rate gdot changes it by
 
     ``d ln(phi)/dt = -psi gdot``,  ``psi = dilatancy (phi - phi_eq(I))``,
     ``phi_eq(I) = phi_c - (phi_c - phi_fast) s``,
@@ -31,8 +31,9 @@ class DilatantMuI(Material):
     psi is the tangent of the angle of dilation. Dense material, phi > phi_c, has a peak of the
     friction and dilates; loose material compacts, with less friction; after a shear of a few times
     1/dilatancy both are at phi_eq(I) and mu(I), the critical state. Material whose pressure has
-    fallen to zero is free of stress, and keeps its phi, but for dense material: its grains have
-    moved apart, and they meet again at the packing that they have then, or at phi_c.
+    fallen to zero is free of stress, and keeps its phi, but for dense material that has opened by
+    more than 0.02 of its volume: its grains have moved apart, and meet again at a packing that is
+    lower by what is beyond that, or at phi_c.
 
     The dilatancy is that of Roux & Radjai 1998, the packing that of Pouliquen, Cassar, Jop,
     Forterre & Nicolas 2006 (J. Stat. Mech. P07020) where I is small, phi_c - (phi_c - phi_fast)
@@ -122,9 +123,15 @@ class DilatantMuI(Material):
         """Packing fraction phi_eq of the critical state at inertial numbers >= 0."""
         return self.phi_c - (self.phi_c - self.phi_fast) * self._share(I)
 
-    def peak_friction(self, packing: float) -> float:
-        """Friction tau/p at which material of a packing fraction begins to flow."""
-        return self.mu_s + self.dilatancy * (non_negative("packing", packing) - self.phi_c)
+    def peak_friction(self, packing: Any) -> Any:
+        """Friction tau/p at which material of a packing fraction, or of an array, begins to flow.
+
+        It is negative of material so loose that it has no friction.
+        """
+        fraction = np.asarray(packing, dtype=float)
+        if not ((fraction >= 0) & (fraction <= 1)).all():
+            raise ValueError(f"packing = {packing} must be from 0 to 1")
+        return (self.mu_s + self.dilatancy * (fraction - self.phi_c))[()]
 
     def _share(self, I: Any) -> Any:  # noqa: E741
         inertial = np.asarray(I, dtype=float)

@@ -238,7 +238,7 @@ def ill_posed_fraction(state: State) -> float:
     Returns
     -------
     float
-        nan if no point flows.
+        nan if no point flows, those of material that dilates apart.
 
     Raises
     ------

@@ -134,13 +134,18 @@ def _may_be_ill_posed(material: Any) -> bool:
 
 
 def ill_posed_points(state: State) -> tuple[BoolArray, BoolArray]:
-    """Points that flow, and those of them at which the mu(I) law is ill posed, shape (n,)."""
+    """Points that flow, and those of them at which the mu(I) law is ill posed, shape (n,).
+
+    Points of material that dilates, of which the criterion says nothing, are in neither.
+    """
     scaled = scaled_inertial_number(state)
     flowing = scaled > FLOWING  # False for nan, which marks stress-free points
     number = np.asarray(getattr(state, "material", np.zeros(state.n)))
     ill = np.zeros(state.n, dtype=bool)
     for k, material in enumerate(state.scene.materials):
         mask = flowing & (number == k)
-        if _may_be_ill_posed(material):
+        if getattr(material, "dilates", False):
+            flowing &= ~mask
+        elif _may_be_ill_posed(material):
             ill[mask] = ill_posedness(scaled[mask], material, state.pressure[mask]) > 0
     return flowing, ill

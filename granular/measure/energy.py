@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.measure.averaging_grid import require_points
+from granular.measure.profiles import inertial_number
 from granular.measure.result import ENERGY, Result
 from granular.measure.stress import deviator_squared, pressure
 from granular.model.gravity import Gravity
@@ -115,9 +116,19 @@ def elastic_of(state: State) -> Array:
 
 
 def plastic_power(state: State) -> float:
-    """``sum V tau gdot`` [W] over the points (eq. 2.15); 0 for a law without a yield criterion."""
+    """``sum V tau gdot`` [W] over the points (eq. 2.15); 0 for a law without a yield criterion.
+
+    Of material that dilates, whose pressure does work, too, it is ``sum V mu(I) p gdot``
+    (`granular.DilatantMuI`).
+    """
+    tau = state.shear_stress.copy()
+    number = np.asarray(getattr(state, "material", np.zeros(state.n)))
+    for k, material in enumerate(state.scene.materials):
+        if getattr(material, "dilates", False):
+            of = (number == k) & state.dense
+            tau[of] = material.friction(inertial_number(state)[of]) * state.pressure[of]
     yields = state.of_material("granular") > 0
-    return float(np.sum((state.quadrature_volume * state.shear_stress * state.shear_rate)[yields]))
+    return float(np.sum((state.quadrature_volume * tau * state.shear_rate)[yields]))
 
 
 def energy_budget(trajectory: Iterable[State]) -> EnergyBudget:

@@ -70,9 +70,9 @@ class Fill(Description):
     K0 : float or None
         Ratio of the horizontal to the vertical stress of a lithostatic fill, > 0, within yield of
         its material. None for the ratio of material that has settled by its weight alone,
-        `Material.K0`: nu/(1 - nu), or more if that yields. It is 1 - sin(phi) in many sands (Jaky
-        1944); compaction makes it larger, up to the passive limit. Must be None in a fill that is
-        not lithostatic.
+        `Material.K0`: nu/(1 - nu), or more if that yields (at its `packing`). It is 1 - sin(phi) in
+        many sands (Jaky 1944); compaction makes it larger, up to the passive limit. Must be None in
+        a fill that is not lithostatic.
     material : Material or None
         Material of this fill; None for the material of the scene. Several materials share one
         velocity field, so that they stick to each other where they meet.
@@ -124,6 +124,14 @@ def rest_density(material: Any, packing: float | None) -> float:
     """Density [kg/m3] at which material of a source is free of stress."""
     rho_c: float = material.rho_c
     return rho_c if packing is None else packing * material.rho_s
+
+
+def rest_friction(material: Any, packing: float | None) -> float:
+    """Friction tau/p at which material of a source begins to flow."""
+    friction: float = (
+        material.static_friction if packing is None else material.peak_friction(packing)
+    )
+    return friction
 
 
 def check_packing(name: str, material: Any, packing: float | None) -> None:

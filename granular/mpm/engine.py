@@ -12,7 +12,7 @@ from granular import _core
 from granular.materials import NGF, Material
 from granular.materials.law_functions import MOST_HISTORY
 from granular.materials.own import OwnLaw
-from granular.model.fill import rest_density
+from granular.model.fill import rest_density, rest_friction
 from granular.model.inflow import inlet_points
 from granular.model.seeding import Points
 from granular.mpm.axis_nodes import c0_lines
@@ -333,14 +333,14 @@ def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
         for name in ("rho_c", "K", "granular")
     )
     hencky = np.array([material.elasticity == "hencky" for material in scene.materials])[number]
-    rho_rest = np.array(
-        [rest_density(part.material or scene.material, part.packing) for part in scene.sources]
-    )[points.fill]
-    weight = math.hypot(*scene.gravity.at(0.0)) * (rho_rest * points.depth + points.overburden)
-    friction, cohesion = (
-        np.array([float(get(material)) for material in scene.materials])[number]
-        for get in (lambda m: m.static_friction, lambda m: getattr(m, "cohesion", 0.0))
+    rho_rest, friction = (
+        np.array([get(part.material or scene.material, part.packing) for part in scene.sources])[
+            points.fill
+        ]
+        for get in (rest_density, rest_friction)
     )
+    weight = math.hypot(*scene.gravity.at(0.0)) * (rho_rest * points.depth + points.overburden)
+    cohesion = np.array([getattr(m, "cohesion", 0.0) for m in scene.materials])[number]
     k, shape = stress_shape(scene, points, weight, friction, cohesion)
     compression = rest_compression(k * weight, K, hencky)
     origin = np.array([getattr(m, "separation", 0.0) for m in scene.materials])[number]

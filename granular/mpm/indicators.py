@@ -148,5 +148,6 @@ def _keep_volume(scene: Scene) -> str:
     density = scene.scheme.density.name
     if density == "particle":
         return "take SmoothedDensity() (the default)"
-    averaged = "" if density == "cell_averaged" else ", or schemes.cell_averaged"
+    possible = density != "cell_averaged" and not any(m.dilates for m in scene.materials)
+    averaged = ", or schemes.cell_averaged" if possible else ""
     return f"take a larger E{averaged}"

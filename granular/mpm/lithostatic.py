@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from granular.model.fill import rest_friction
 from granular.tools.arrays import Array, BoolArray
 
 if TYPE_CHECKING:
@@ -59,7 +60,9 @@ def stress_shape(
     slope[:, : scene.dim] = points.slope
     materials = [source.material or scene.material for source in scene.sources]
     ratios = [
-        (m.K0 if fill.K0 is None else fill.K0) if fill.lithostatic else 1.0
+        (m.K0_at(rest_friction(m, fill.packing)) if fill.K0 is None else fill.K0)
+        if fill.lithostatic
+        else 1.0
         for fill, m in zip(scene.fills, materials, strict=False)
     ]
     K0 = np.array([*ratios, *[1.0] * len(scene.inflows)])[points.fill]

@@ -12,7 +12,7 @@ import numpy as np
 from granular import _core
 from granular.materials import Material
 from granular.model import regions, surfaces
-from granular.model.fill import Fill
+from granular.model.fill import Fill, rest_friction
 from granular.model.gravity import Gravity
 from granular.model.grid import Grid
 from granular.model.inflow import Inflow
@@ -169,12 +169,13 @@ class Scene(BaseScene):
             material = fill.material or self.material
             if fill.K0 is None or getattr(material, "cohesion", 0.0) > 0.0:
                 continue
-            low, high = material.yield_ratios
+            friction = rest_friction(material, fill.packing)
+            low, high = material.yield_ratios_at(friction)
             if not low <= fill.K0 <= high:
                 raise ValueError(
                     f"fills[{i}].K0 = {fill.K0} must be from {low:.6g} to {high:.6g}, the ratios "
-                    f"at which a material of friction {material.static_friction:.6g} yields; None "
-                    f"for {material.K0:.6g}"
+                    f"at which a material of friction {friction:.6g} yields; None for "
+                    f"{material.K0_at(friction):.6g}"
                 )
 
     @property

@@ -130,6 +130,7 @@ def _steady_scale(angle_deg: float, material: MuI, gravity: float) -> float:
 def check_mu_I(material: Any) -> None:
     """Refuse a material of another law: these solutions are of mu(I) without cohesion."""
     check_not_regularised(material)
+    check_not_dilating(material)
     if getattr(material, "rheology", "mu_I") == "linear_mu_I":
         raise ValueError('rheology = "linear_mu_I" must be "mu_I": this is a solution of mu(I)')
     check_cohesionless(material)
@@ -139,6 +140,12 @@ def check_cohesionless(material: Any) -> None:
     """Refuse a material with cohesion: its friction tau/p is not a function of I alone."""
     if cohesion := getattr(material, "cohesion", 0.0):
         raise ValueError(f"cohesion = {cohesion} of the material must be 0 for this theory")
+
+
+def check_not_dilating(material: Any) -> None:
+    """Refuse material that dilates: its density changes with the rate, and its friction with it."""
+    if getattr(material, "dilates", False):
+        raise TypeError(f"material = {material!r} must be of a law without dilation")
 
 
 def check_not_regularised(material: Any) -> None:

@@ -31,7 +31,7 @@ import numpy as np
 import scipy
 
 from granular.materials import NGF, DilatantMuI, MuI, RegularisedMuI
-from granular.theory.incline import check_cohesionless, check_mu_I
+from granular.theory.incline import check_cohesionless, check_mu_I, check_not_dilating
 from granular.tools.arrays import Array
 from granular.tools.checks import in_range, positive
 
@@ -80,9 +80,12 @@ def ill_posedness(
 
     Raises
     ------
+    TypeError
+        For a `DilatantMuI`, of which `granular.theory.shear_wave_growth` decides.
     ValueError
         For a material with cohesion without a pressure.
     """
+    check_not_dilating(material)
     mu, r = _friction(scaled, material)
     q, cohesion = mu * (1 - r / 2), getattr(material, "cohesion", 0.0)
     if cohesion:
@@ -121,10 +124,13 @@ def well_posed_range(material: _Law) -> tuple[float, float] | None:
 
     Raises
     ------
+    TypeError
+        For a `DilatantMuI`, of which `granular.theory.shear_wave_growth` decides.
     ValueError
         For a material with cohesion, whose range depends on the pressure.
     """
     check_cohesionless(material)
+    check_not_dilating(material)
     searched = _searched(material)
     sign = ill_posedness(searched, material)
     inside = np.flatnonzero(sign < 0)

@@ -123,11 +123,15 @@ def test_dissipation_is_that_of_mu_I():
 
 
 def test_material_that_opens_rests_at_the_packing_that_it_has():
-    """Dense material that was pulled apart bears at once when it is pressed together again; below
-    the critical packing at that one; loose material keeps its own."""
-    for packing, opening, at_rest in ((0.62, 0.02, 0.62 * math.exp(-0.02)), (0.62, 0.3, 0.585),
-                                      (0.56, 0.1, 0.56)):  # fmt: skip
-        point = Point(SAND, packing, 1e3)
+    """Dense material that was pulled apart by more than 0.02 of its volume is looser when it is
+    pressed together again, down to the critical packing; loose material keeps its own."""
+    wide = SAND.replace(phi_c=0.3, phi_fast=0.3, dilatancy=1.0)
+    for sand, packing, opening, at_rest in (
+        (SAND, 0.62, 0.02, 0.62), (SAND, 0.62, 0.04, 0.62 * math.exp(-0.02)),
+        (SAND, 0.62, 0.3, 0.585), (SAND, 0.56, 0.1, 0.56),
+        (wide, 0.8, 0.5, 0.8 * math.exp(-0.48)), (wide, 0.8, 2.0, 0.3),
+    ):  # fmt: skip
+        point = Point(sand, packing, 1e3)
         density = math.log(packing) + point.c[0]
         for sign in (1.0, -1.0):
             for _ in range(100):
@@ -200,6 +204,18 @@ def test_any_input_gives_a_state_of_the_law(dim):
 def test_refusals(changes, message):
     with pytest.raises(ValueError, match=message):
         DilatantMuI(**changes)
+
+
+def test_theories_of_constant_density_refuse_it():
+    for theory, arguments in (
+        (gr.theory.bagnold_profile, (0.01, 24.0, 0.05, SAND)),
+        (gr.theory.well_posed_range, (SAND,)),
+        (gr.theory.ill_posedness, (0.1, SAND)),
+        (gr.theory.plastic_shear_rate, (1e3, 450.0, SAND)),
+        (gr.theory.layer_waves, (24.0, 0.05, SAND, 0.1)),
+    ):
+        with pytest.raises(TypeError, match="must be of a law without dilation"):
+            theory(*arguments)
 
 
 def test_it_is_written_and_replaced():

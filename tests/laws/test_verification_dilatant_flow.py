@@ -8,6 +8,8 @@ from same_bits import bits, same_bits, stepped
 from scenes_by_hand import scene_with
 
 import granular as gr
+from granular.measure.energy import plastic_power
+from granular.measure.profiles import inertial_number
 
 BEADS = gr.DilatantMuI(E=1e6, d=0.005)
 DENSE, LOOSE = 0.6, 0.57
@@ -70,11 +72,47 @@ def test_a_dense_bed_rests_under_its_weight(dim):
     )
     state = gr.Simulation(scene, threads=1).run(until=0.1).state
     assert BEADS.phi_c / state.bulking == pytest.approx(DENSE, rel=1e-6)
-    assert state.packing == pytest.approx(DENSE * np.exp(state.log_density), rel=1e-12)
+    at_rest = BEADS.phi_c / state.bulking
+    assert state.packing == pytest.approx(at_rest * np.exp(state.log_density), rel=1e-12)
     assert np.abs(state.v).max() < 1e-3
     low = state.x[:, -1] < 0.05
     load = DENSE * BEADS.rho_s * 9.8 * (0.2 - state.x[low, -1])
     assert -state.stress[low, 1 if dim == 2 else 2] == pytest.approx(load, rel=0.05)
+
+
+def test_a_fill_at_rest_is_within_yield_of_its_own_packing():
+    """Loose material bears less to the sides than critical material, dense material more."""
+    sand = gr.DilatantMuI(E=1e6, dilatancy=8.0)
+    for packing, yields in ((0.56, True), (0.64, False)):
+        mu = sand.peak_friction(packing)
+        least = (math.sqrt(3) - mu) / (math.sqrt(3) + 2 * mu)
+        assert (least > 0.3 / 0.7) == yields
+        fill = gr.Fill(gr.Box((0, 0), (0.2, 0.2)), 4, packing=packing, lithostatic=True)
+        scene = scene_with(grid=gr.Grid((0.0, 0.0), 0.025, (8, 12)), fills=(fill,), material=sand)
+        stress = gr.Simulation(scene, threads=1).state.stress
+        assert stress[:, 0] / stress[:, 1] == pytest.approx(max(0.3 / 0.7, least), rel=1e-9)
+        low = scene.replace(fills=(fill.replace(K0=least * 1.001),))
+        assert gr.Simulation(low, threads=1).state.n == 256
+        with pytest.raises(ValueError, match=rf"K0 = .* must be from {least:.6g} to .* {mu:.6g}"):
+            scene.replace(fills=(fill.replace(K0=least * 0.999),))
+
+
+def test_dissipation_of_the_core_is_that_of_mu_I():
+    """The plastic power that health counts: sum V mu(I) p gdot, less than V tau gdot in dense
+    material that dilates, by psi p gdot that is no loss."""
+    sim = gr.Simulation(collapse(0.62), threads=1).run(until=0.2)
+    while sim._engine.scalars()["tally_time"] < sim.time:  # one is due every few steps
+        sim.run(until=np.nextafter(sim.time, 1.0), monitor=False)
+        sim.health()
+    state, scalars = sim.state, sim._engine.scalars()
+    power = plastic_power(state)
+    assert scalars["tally_power"] == pytest.approx(power, rel=1e-6)
+    flow = state.quadrature_volume * state.shear_rate
+    inertial = np.nan_to_num(inertial_number(state))
+    psi = BEADS.dilatancy * (BEADS.phi_c / state.bulking - BEADS.packing(inertial))
+    dilation = (flow * psi * state.pressure).sum()
+    assert 0.02 * power < abs(dilation)
+    assert (flow * state.shear_stress).sum() - dilation == pytest.approx(power, rel=0.02)
 
 
 def collapse(packing, **changes):
