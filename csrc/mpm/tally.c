@@ -23,6 +23,7 @@ struct row {
     double square[GR_LANES], stress[6][GR_LANES];
     double energy[GR_LANES], power[GR_LANES];
     struct gr_dissipation {
+        const struct gr_material *of;
         double mu_s, rise, xi; /* of material that dilates, whose flow dissipates mu(I) p gdot; xi is 0 of others */
     } dissipation[GR_LANES];
 };
@@ -52,19 +53,28 @@ static void add_squares(const struct gr_engine *e, int field, int components, in
     }
 }
 
+static struct gr_dissipation dissipation_of(const struct gr_material *material)
+{
+    struct gr_dissipation numbers = {.of = material};
+    if (!gr_law_at(material->law)->dilates) return numbers;
+    numbers.mu_s = gr_parameter_of(material, "mu_s");
+    numbers.rise = gr_parameter_of(material, "mu_2") - numbers.mu_s;
+    numbers.xi = gr_parameter_of(material, "xi");
+    return numbers;
+}
+
 static void set_material(const struct gr_engine *e, int k, int l, struct row *row)
 {
     const double G = e->material_number[GR_MATERIAL_SHEAR_MODULUS][k];
-    row->rest_volume[l] = row->m[l] / e->config.material[k].rho_c;
+    const struct gr_material *material = &e->config.material[k];
+    row->rest_volume[l] = row->m[l] / material->rho_c;
     row->inverse_2K[l] = 0.5 / e->material_number[GR_MATERIAL_BULK_MODULUS][k];
     row->inverse_4G[l] = G > 0 ? 0.25 / G : 0;
-    row->dissipation[l] = (struct gr_dissipation){0, 0, 0};
-    if (gr_law_at(e->config.material[k].law)->dilates) {
-        const struct gr_material *material = &e->config.material[k];
-        const double mu_s = gr_parameter_of(material, "mu_s");
+    if (!e->dilates)
+        row->dissipation[l] = (struct gr_dissipation){0};
+    else /* numbers of a law are found by name: once for points of one material */
         row->dissipation[l] =
-            (struct gr_dissipation){mu_s, gr_parameter_of(material, "mu_2") - mu_s, gr_parameter_of(material, "xi")};
-    }
+            l && row->dissipation[l - 1].of == material ? row->dissipation[l - 1] : dissipation_of(material);
 }
 
 /* Shear stress that dissipates at the pressure p and the plastic shear rate, Pa. */
