@@ -23,7 +23,7 @@ from setuptools.modified import newer_group
 ROOT = Path(__file__).parent
 SOURCES = [
     str(path.relative_to(ROOT))
-    for folder in ("core", "law", "fluidity", "body", "mpm", "contact", "engine", "sph", "python")
+    for folder in ("core", "law", "fluidity", "body", "mpm", "contact", "engine", "gpu", "sph", "python")
     for path in sorted((ROOT / "csrc" / folder).glob("*.c"))
 ]
 SOURCES.append("csrc/dispatch.c")

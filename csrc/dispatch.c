@@ -1,5 +1,4 @@
 /* Selection of the kernels that this machine can run. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "kernels.h"

@@ -22,7 +22,7 @@ static const struct gr_law *const laws[] = {
 #include "law/registry.inl"
     0};
 
-#ifndef GR_SINGLE
+#if !defined(GR_SINGLE) && !defined(GR_ON_DEVICE)
 #include "fluidity/diffuse.inl"
 #include "sph/sums.inl"
 #include "sph/stress.inl"
@@ -55,6 +55,13 @@ static const struct gr_law *const laws[] = {
 
 #define GR_2D_AND_3D(X, ...) X(2, __VA_ARGS__) X(3, __VA_ARGS__)
 
+/* The parts of a tile that a call is for: vectors are always all of them, as the compiler is to know. */
+#ifdef GR_ONE_LANE
+#define GR_PARTS_OF_CALL(parts) (parts)
+#else
+#define GR_PARTS_OF_CALL(parts) ((void)(parts), GR_ALL_PARTS)
+#endif
+
 /* X(dim, basis, affine, smoothed, cell_averaged): the variants of the MPM kernels. The smoothed density requires the
  * quadratic basis, the cell-averaged density the linear basis. */
 #define GR_PLAIN_VARIANTS(X, dim, basis) \
@@ -73,15 +80,15 @@ static const struct gr_law *const laws[] = {
 #endif
 #define GR_VARIANTS(X) GR_VARIANTS_OF(X, 2) GR_VARIANTS_OF(X, 3)
 
-#define GR_X(d, b, a, q, u)                                                                                       \
-    static __attribute__((noinline)) void p2g_##d##b##a##q##u(struct gr_engine *e, int64_t tile)                  \
-    {                                                                                                             \
-        p2g_tile(d, b, a > 0, q, u, e, tile);                                                                     \
-    }                                                                                                             \
-    static __attribute__((noinline)) void sweep_##d##b##a##q##u(struct gr_engine *e, int64_t first, int64_t last, \
-                                                                struct gr_migrants *out, int fused)               \
-    {                                                                                                             \
-        sweep_tiles(d, b, a, q, u, e, first, last, out, fused);                                                   \
+#define GR_X(d, b, a, q, u)                                                                                             \
+    static __attribute__((noinline)) void p2g_##d##b##a##q##u(struct gr_engine *e, int64_t tile, struct gr_parts parts) \
+    {                                                                                                                   \
+        p2g_tile(d, b, a > 0, q, u, e, tile, GR_PARTS_OF_CALL(parts));                                                  \
+    }                                                                                                                   \
+    static __attribute__((noinline)) void sweep_##d##b##a##q##u(struct gr_engine *e, int64_t first, int64_t last,       \
+                                                                struct gr_migrants *out, int fused)                     \
+    {                                                                                                                   \
+        sweep_tiles(d, b, a, q, u, e, first, last, out, fused);                                                         \
     }
 GR_VARIANTS(GR_X)
 #undef GR_X
@@ -90,17 +97,17 @@ GR_VARIANTS(GR_X)
     ((e)->config.dim == d && (e)->config.basis == b && (e)->config.affine == a && (e)->config.smoothed == q && \
      (e)->config.cell_averaged == u)
 
-static void p2g_of_tile(struct gr_engine *e, int64_t tile)
+static void p2g_of_tile(struct gr_engine *e, int64_t tile, struct gr_parts parts)
 {
 #define GR_X(d, b, a, q, u) \
-    if (GR_IS(e, d, b, a, q, u)) p2g_##d##b##a##q##u(e, tile);
+    if (GR_IS(e, d, b, a, q, u)) p2g_##d##b##a##q##u(e, tile, parts);
     GR_VARIANTS(GR_X)
 #undef GR_X
 }
 
 static void p2g(struct gr_engine *e, int64_t first, int64_t last)
 {
-    for (int64_t tile = first; tile < last; tile++) p2g_of_tile(e, tile);
+    for (int64_t tile = first; tile < last; tile++) p2g_of_tile(e, tile, GR_ALL_PARTS);
     v_streamed();
 }
 
@@ -114,23 +121,31 @@ static void sweep(struct gr_engine *e, int64_t first, int64_t last, struct gr_mi
 }
 
 #ifndef GR_SINGLE
+static void forces_of_tile(struct gr_engine *e, int64_t tile, struct gr_parts parts)
+{
+    if (e->config.dim == 2)
+        apply_forces_of_tile(2, e, tile, GR_PARTS_OF_CALL(parts));
+    else
+        apply_forces_of_tile(3, e, tile, GR_PARTS_OF_CALL(parts));
+}
+
 static void cell_forces(struct gr_engine *e, int64_t first, int64_t last)
 {
-    for (int64_t tile = first; tile < last; tile++)
-        if (e->config.dim == 2)
-            apply_forces_of_tile(2, e, tile);
-        else
-            apply_forces_of_tile(3, e, tile);
+    for (int64_t tile = first; tile < last; tile++) forces_of_tile(e, tile, GR_ALL_PARTS);
 }
 #endif
 
+static void fill_cells_from(struct gr_engine *e, int64_t first)
+{
+    if (e->config.dim == 2)
+        fill_cells(2, e, first);
+    else
+        fill_cells(3, e, first);
+}
+
 static void fillings(struct gr_engine *e, int64_t first, int64_t last)
 {
-    for (int64_t i = first * GR_LANES; i < last * GR_LANES; i += GR_W)
-        if (e->config.dim == 2)
-            fill_cells(2, e, i);
-        else
-            fill_cells(3, e, i);
+    for (int64_t i = first * GR_LANES; i < last * GR_LANES; i += GR_W) fill_cells_from(e, i);
 }
 
 /* With the numbers of sums of motion of a step as literals, which most calls ask for. */
@@ -151,11 +166,11 @@ static void sum_nodes(const struct gr_engine *e, int group, int begin, int n, in
 static void narrow_nodes(struct gr_engine *e, int64_t first, int64_t last)
 {
     const int fields = GR_NODE_FIELDS(e->config.dim, gr_averages(e, e->clock.step));
-    for (int64_t n = first * GR_LANES; n < last * GR_LANES; n += GR_LANES) {
+    for (int64_t n = first; n < last; n += GR_LANES) {
         if (gr_group_rests(e, n)) continue;
         for (int f = 0; f < fields; f++)
-            for (int lane = 0; lane < GR_LANES; lane += GR_W)
-                v_store(e->nodes.single + f * e->nodes.capacity + n + lane, v_load(gr_node_field(e, f) + n + lane));
+            for (int64_t at = n; at < n + GR_LANES && at < last; at += GR_W)
+                v_store(e->nodes.single + f * e->nodes.capacity + at, v_load(gr_node_field(e, f) + at));
     }
 }
 #endif
@@ -165,52 +180,56 @@ static void narrow_nodes(struct gr_engine *e, int64_t first, int64_t last)
 #define GR_STORE_NODES GR_PASTE(gr_store_nodes_, GR_ISA)
 #define GR_DESCRIBE_NODES GR_PASTE(gr_describe_nodes_, GR_ISA)
 #define GR_MEAN_GAPS GR_PASTE(gr_mean_gaps_, GR_ISA)
-void GR_MOVE_NODES(const struct gr_engine *e, int damped, const double g[3], const double *sums,
+void GR_MOVE_NODES(const struct gr_engine *e, int damped, const double g[3], const double *sums, int lanes,
                    struct gr_node_motion *motion);
-void GR_STORE_NODES(struct gr_engine *e, int damped, int64_t first, const struct gr_node_motion *motion);
-void GR_DESCRIBE_NODES(struct gr_engine *e, int64_t first, const double *sums, const double *filled);
-unsigned GR_MEAN_GAPS(struct gr_engine *e, int64_t first);
+void GR_STORE_NODES(struct gr_engine *e, int damped, int64_t first, int lanes, const struct gr_node_motion *motion);
+void GR_DESCRIBE_NODES(struct gr_engine *e, int64_t first, int lanes, const double *sums, const double *filled);
+unsigned GR_MEAN_GAPS(struct gr_engine *e, int64_t first, int lanes);
 
 #ifndef GR_SINGLE
-void GR_MOVE_NODES(const struct gr_engine *e, int damped, const double g[3], const double *sums,
+void GR_MOVE_NODES(const struct gr_engine *e, int damped, const double g[3], const double *sums, int lanes,
                    struct gr_node_motion *motion)
 {
     if (e->config.dim == 2)
-        damped ? move_group(2, 1, e, g, sums, motion) : move_group(2, 0, e, g, sums, motion);
+        damped ? move_group(2, 1, e, g, sums, lanes, motion) : move_group(2, 0, e, g, sums, lanes, motion);
     else
-        damped ? move_group(3, 1, e, g, sums, motion) : move_group(3, 0, e, g, sums, motion);
+        damped ? move_group(3, 1, e, g, sums, lanes, motion) : move_group(3, 0, e, g, sums, lanes, motion);
 }
 
-void GR_STORE_NODES(struct gr_engine *e, int damped, int64_t first, const struct gr_node_motion *motion)
+void GR_STORE_NODES(struct gr_engine *e, int damped, int64_t first, int lanes, const struct gr_node_motion *motion)
 {
     if (e->config.dim == 2)
-        damped ? store_group(2, 1, e, first, motion) : store_group(2, 0, e, first, motion);
+        damped ? store_group(2, 1, e, first, lanes, motion) : store_group(2, 0, e, first, lanes, motion);
     else
-        damped ? store_group(3, 1, e, first, motion) : store_group(3, 0, e, first, motion);
+        damped ? store_group(3, 1, e, first, lanes, motion) : store_group(3, 0, e, first, lanes, motion);
 }
 
-void GR_DESCRIBE_NODES(struct gr_engine *e, int64_t first, const double *sums, const double *filled)
+void GR_DESCRIBE_NODES(struct gr_engine *e, int64_t first, int lanes, const double *sums, const double *filled)
 {
     if (e->config.dim == 2)
-        describe_group(2, e, first, sums, filled);
+        describe_group(2, e, first, lanes, sums, filled);
     else
-        describe_group(3, e, first, sums, filled);
+        describe_group(3, e, first, lanes, sums, filled);
 }
 
-unsigned GR_MEAN_GAPS(struct gr_engine *e, int64_t first)
+unsigned GR_MEAN_GAPS(struct gr_engine *e, int64_t first, int lanes)
 {
-    return e->config.dim == 2 ? mean_gaps_of_group(2, e, first) : mean_gaps_of_group(3, e, first);
+    return e->config.dim == 2 ? mean_gaps_of_group(2, e, first, lanes) : mean_gaps_of_group(3, e, first, lanes);
 }
 
-static void smooth(struct gr_engine *e, int64_t first, int64_t last)
+static void smooth_of_tile(struct gr_engine *e, int64_t tile, struct gr_parts parts)
 {
-#define GR_SMOOTH(d, b)                             \
-    if (e->config.dim == d && e->config.basis == b) \
-        for (int64_t tile = first; tile < last; tile++) smooth_tile(d, b, e, tile);
+#define GR_SMOOTH(d, b) \
+    if (e->config.dim == d && e->config.basis == b) smooth_tile(d, b, e, tile, GR_PARTS_OF_CALL(parts));
     GR_2D_AND_3D(GR_SMOOTH, GR_LINEAR)
     GR_2D_AND_3D(GR_SMOOTH, GR_UGIMP)
     GR_2D_AND_3D(GR_SMOOTH, GR_QUADRATIC)
 #undef GR_SMOOTH
+}
+
+static void smooth(struct gr_engine *e, int64_t first, int64_t last)
+{
+    for (int64_t tile = first; tile < last; tile++) smooth_of_tile(e, tile, GR_ALL_PARTS);
 }
 #endif
 
@@ -266,6 +285,7 @@ static void update_hencky(int flow, int dim, const struct gr_hencky_call *call)
         hencky_points(3, flow, call);
 }
 
+#ifndef GR_ON_DEVICE
 static void sph(struct gr_sph *s, enum gr_sph_stage stage, int64_t first, int64_t last, struct gr_sph_extremes *extremes)
 {
     if (s->config.dim == 2)
@@ -273,6 +293,8 @@ static void sph(struct gr_sph *s, enum gr_sph_stage stage, int64_t first, int64_
     else
         sph_stage(3, s, stage, first, last, extremes);
 }
+
+#endif
 
 #define GR_NAME GR_PASTE(gr_kernels_, GR_ISA)
 #define GR_IN_SINGLE GR_PASTE(gr_single_, GR_ISA)
@@ -282,6 +304,10 @@ extern const struct gr_kernels GR_IN_SINGLE;
 #endif
 
 extern const struct gr_kernels GR_NAME;
+#ifdef GR_ONE_LANE
+#include "gpu/stages.inl"
+#endif
+
 const struct gr_kernels GR_NAME = {
     .isa = GR_STRING(GR_ISA),
     .lanes = GR_W,
@@ -298,6 +324,9 @@ const struct gr_kernels GR_NAME = {
     .begin_substeps = begin_substeps,
     .substep = substep,
     .laws = laws,
+#ifdef GR_ONE_LANE
+    .threads = threads,
+#endif
 #ifdef GR_SINGLE
     .narrow_nodes = narrow_nodes,
 #else
@@ -306,7 +335,9 @@ const struct gr_kernels GR_NAME = {
     .smooth = smooth,
     .update_fluidity = fluidity_points,
     .update_hencky = update_hencky,
+#ifndef GR_ON_DEVICE
     .diffuse = diffuse,
     .sph = sph,
+#endif
 #endif
 };

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "fluidity/fluidity.h"
+#include "gpu/device.h"
 #include "law/law.h"
 #include "sph/sph.h"
 
@@ -19,20 +20,22 @@ struct gr_kernels {
     /* `n` sums of a group (enum gr_group_of_sums) from number `begin` on, of nodes [first, last), at most GR_SUM_BLOCK; to rows
      * of GR_SUM_ROW, with space for GR_SUM_PAD numbers before and behind */
     void (*sum_nodes)(const struct gr_engine *, int group, int begin, int n, int64_t first, int64_t last, double *sums);
-    /* from these sums, in double precision in any case: the motion before walls; damped: the damping, too */
-    void (*move_nodes)(const struct gr_engine *, int damped, const double g[3], const double *sums, struct gr_node_motion *);
+    /* from these sums, in double precision in any case: the motion of so many nodes before walls; damped: the damping, too */
+    void (*move_nodes)(const struct gr_engine *, int damped, const double g[3], const double *sums, int lanes,
+                       struct gr_node_motion *);
     /* store the motion of the nodes from `first` on; and the fields of an averaging, with the volume of their points */
-    void (*store_nodes)(struct gr_engine *, int damped, int64_t first, const struct gr_node_motion *);
-    void (*describe_nodes)(struct gr_engine *, int64_t first, const double *sums, const double *filled);
-    unsigned (*mean_gaps)(struct gr_engine *, int64_t first); /* about them; a bit for each that is inside the material */
+    void (*store_nodes)(struct gr_engine *, int damped, int64_t first, int lanes, const struct gr_node_motion *);
+    void (*describe_nodes)(struct gr_engine *, int64_t first, int lanes, const double *sums, const double *filled);
+    unsigned (*mean_gaps)(struct gr_engine *, int64_t first, int lanes); /* about them; a bit for each inside the material */
     void (*fill_cells)(struct gr_engine *, int64_t first, int64_t last); /* tiles, for an averaging of a smoothed density */
     /* of the double cells: the fluidity before the first substep, and after one */
     void (*mean_pairs)(struct gr_engine *, int64_t first, int64_t last);
     void (*store_pairs)(struct gr_engine *, int64_t first, int64_t last);
     void (*begin_substeps)(struct gr_engine *, int64_t first, int64_t last);
     void (*substep)(struct gr_engine *, int64_t first, int64_t last);
+    gr_thread *const *threads;        /* of one lane alone, else NULL: the stages of a device (gpu/device.h) */
     const struct gr_law *const *laws; /* the laws of law/registry.inl, then NULL */
-    /* in single precision only, else NULL: copy the fields of groups of nodes as floats */
+    /* in single precision only, else NULL: copy the fields of nodes as floats */
     void (*narrow_nodes)(struct gr_engine *, int64_t first, int64_t last);
     /* in double precision only, else NULL */
     const struct gr_kernels *single; /* the kernels of the same instruction set in single precision */

@@ -167,6 +167,7 @@ class Engine:
         pressure_from_density: int,
         materials: list[MaterialRow],
         isa: str,
+        device: str,
         axes: tuple[AxisRow, ...],
         walls: list[
             tuple[

@@ -217,17 +217,17 @@ static void build_tree(struct gr_triangles *t, double *size)
 
 int gr_triangles_new(struct gr_triangles **out, const struct gr_triangles *tables)
 {
-    struct gr_triangles *t = malloc(sizeof *t);
+    struct gr_triangles *t = gr_malloc(sizeof *t);
     *out = t;
     if (!t) return GR_ERR_MEMORY;
     *t = *tables;
     t->n_leaves = 1;
     while (t->n_leaves * LEAF < t->n_faces) t->n_leaves *= 2;
-    t->box = calloc((size_t)t->n_leaves, 2 * sizeof *t->box);
-    t->dipole = calloc((size_t)t->n_leaves, 2 * sizeof *t->dipole);
-    t->corner = malloc(sizeof *t->corner * 9 * (size_t)t->n_faces);
-    double *size = calloc((size_t)t->n_leaves, 2 * sizeof *size);
-    struct middle *middle = malloc(sizeof *middle * (size_t)t->n_faces);
+    t->box = gr_calloc((size_t)t->n_leaves, 2 * sizeof *t->box);
+    t->dipole = gr_calloc((size_t)t->n_leaves, 2 * sizeof *t->dipole);
+    t->corner = gr_malloc(sizeof *t->corner * 9 * (size_t)t->n_faces);
+    double *size = gr_calloc((size_t)t->n_leaves, 2 * sizeof *size);
+    struct middle *middle = gr_malloc(sizeof *middle * (size_t)t->n_faces);
     const int made = t->box && t->dipole && t->corner && size && middle;
     for (int64_t f = 0; made && f < t->n_faces; f++) {
         double v[3][3];
@@ -238,8 +238,8 @@ int gr_triangles_new(struct gr_triangles **out, const struct gr_triangles *table
     if (made) put_in_order(t, middle, 0, t->n_leaves);
     for (int64_t f = 0; made && f < t->n_faces; f++) corners(t, middle[f].face, (double(*)[3])(t->corner + 9 * f));
     if (made) build_tree(t, size);
-    free(middle);
-    free(size);
+    gr_free(middle);
+    gr_free(size);
     if (made) return GR_OK;
     gr_triangles_free(t);
     *out = NULL;
@@ -249,10 +249,10 @@ int gr_triangles_new(struct gr_triangles **out, const struct gr_triangles *table
 void gr_triangles_free(struct gr_triangles *t)
 {
     if (!t) return;
-    free(t->box);
-    free(t->dipole);
-    free(t->corner);
-    free(t);
+    gr_free(t->box);
+    gr_free(t->dipole);
+    gr_free(t->corner);
+    gr_free(t);
 }
 
 /* Squared distance of x from a box; infinite for an empty one. */

@@ -55,22 +55,22 @@ enum { OUT_INTERVAL = 8 };
 
 int gr_contact_points_new(struct gr_engine *e)
 {
-    e->bodies.contacts = calloc(1, sizeof *e->bodies.contacts);
+    e->bodies.contacts = gr_calloc(1, sizeof *e->bodies.contacts);
     if (!e->bodies.contacts) return GR_ERR_MEMORY;
-    e->bodies.contacts->pose = calloc((size_t)e->config.n_bodies, sizeof *e->bodies.contacts->pose);
+    e->bodies.contacts->pose = gr_calloc((size_t)e->config.n_bodies, sizeof *e->bodies.contacts->pose);
     return e->bodies.contacts->pose ? GR_OK : GR_ERR_MEMORY;
 }
 
 void gr_contact_points_free(struct gr_contact_points *contacts)
 {
     if (!contacts) return;
-    free(contacts->contact);
-    free(contacts->node);
-    free(contacts->origin);
-    free(contacts->number);
-    free(contacts->begin);
-    free(contacts->pose);
-    free(contacts);
+    gr_free(contacts->contact);
+    gr_free(contacts->node);
+    gr_free(contacts->origin);
+    gr_free(contacts->number);
+    gr_free(contacts->begin);
+    gr_free(contacts->pose);
+    gr_free(contacts);
 }
 
 /* Signed distance of a point of a cell from a body, and the normal in axes of the scene. Points of double cells stay on

@@ -1,8 +1,6 @@
 /* Contacts of rigid bodies: where they are (rigid.h). */
 #include "contact/rigid.h"
 
-#include <stdlib.h>
-
 #include "body/vector.h"
 #include "core/memory.h"
 
@@ -306,14 +304,14 @@ static int build(struct gr_engine *e, const struct gr_rigid_config *c)
     GR_RESIZE(rigid->near, most + 1);
     GR_RESIZE(rigid->contact, FIRST_CAPACITY);
     rigid->capacity = FIRST_CAPACITY;
-    rigid->slack = calloc(bodies * (bodies + obstacles), sizeof *rigid->slack);
+    rigid->slack = gr_calloc(bodies * (bodies + obstacles), sizeof *rigid->slack);
     return rigid->slack ? GR_OK : GR_ERR_MEMORY;
 }
 
 int gr_rigid_new(struct gr_engine *e, const struct gr_rigid_config *config)
 {
     gr_rigid_free(e->bodies.rigid);
-    e->bodies.rigid = calloc(1, sizeof *e->bodies.rigid);
+    e->bodies.rigid = gr_calloc(1, sizeof *e->bodies.rigid);
     const int error = e->bodies.rigid ? build(e, config) : GR_ERR_MEMORY;
     if (!error) measure_slack(e);
     if (error) gr_rigid_free(e->bodies.rigid), e->bodies.rigid = NULL;
@@ -323,13 +321,13 @@ int gr_rigid_new(struct gr_engine *e, const struct gr_rigid_config *config)
 void gr_rigid_free(struct gr_rigid *rigid)
 {
     if (!rigid) return;
-    free(rigid->obstacle);
-    free(rigid->box);
-    free(rigid->ball);
-    free(rigid->first_ball);
-    free(rigid->restitution);
-    free(rigid->slack);
-    free(rigid->near);
-    free(rigid->contact);
-    free(rigid);
+    gr_free(rigid->obstacle);
+    gr_free(rigid->box);
+    gr_free(rigid->ball);
+    gr_free(rigid->first_ball);
+    gr_free(rigid->restitution);
+    gr_free(rigid->slack);
+    gr_free(rigid->near);
+    gr_free(rigid->contact);
+    gr_free(rigid);
 }

@@ -2,7 +2,6 @@
 #include "contact/shared_contacts.h"
 
 #include <stddef.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/memory.h"
@@ -60,19 +59,19 @@ void gr_shared_contacts_free(struct gr_shared_contacts *shared)
 {
     if (!shared) return;
     for (int k = 0; shared->letter && k < shared->size; k++) {
-        free(shared->letter[k].out);
-        free(shared->letter[k].in);
-        free(shared->letter[k].number);
+        gr_free(shared->letter[k].out);
+        gr_free(shared->letter[k].in);
+        gr_free(shared->letter[k].number);
     }
-    free(shared->all.contact);
-    free(shared->all.node);
-    free(shared->all.origin);
+    gr_free(shared->all.contact);
+    gr_free(shared->all.node);
+    gr_free(shared->all.origin);
     gr_table_free(&shared->number_of);
-    free(shared->from);
-    free(shared->number);
-    free(shared->letter);
-    free(shared->message);
-    free(shared);
+    gr_free(shared->from);
+    gr_free(shared->number);
+    gr_free(shared->letter);
+    gr_free(shared->message);
+    gr_free(shared);
 }
 
 static int64_t nodes_of_grid(const struct gr_engine *e)
@@ -86,12 +85,12 @@ int gr_shared_contacts_new(struct gr_engine *e)
 {
     const int size = e->ranks->transport.size;
     if (!e->config.n_bodies || size == 1) return GR_OK;
-    struct gr_shared_contacts *shared = e->ranks->contacts = calloc(1, sizeof *shared);
+    struct gr_shared_contacts *shared = e->ranks->contacts = gr_calloc(1, sizeof *shared);
     if (!shared) return GR_ERR_MEMORY;
     const int64_t numbers = 1 + (int64_t)GR_CONTACT_COUNTS * size + (int64_t)e->config.n_bodies * GR_BODY_NUMBERS;
-    shared->letter = calloc((size_t)size, sizeof *shared->letter);
-    shared->message = calloc((size_t)size, sizeof *shared->message);
-    shared->number = malloc(sizeof *shared->number * (size_t)numbers);
+    shared->letter = gr_calloc((size_t)size, sizeof *shared->letter);
+    shared->message = gr_calloc((size_t)size, sizeof *shared->message);
+    shared->number = gr_malloc(sizeof *shared->number * (size_t)numbers);
     shared->size = size;
     if (!shared->letter || !shared->message || !shared->number) return GR_ERR_MEMORY;
     return e->ranks->transport.rank ? GR_OK
@@ -103,7 +102,7 @@ static char *append(struct letter *letter, int64_t bytes)
 {
     if (letter->out_bytes + bytes > letter->out_capacity) {
         const int64_t capacity = 2 * (letter->out_bytes + bytes) + 4096;
-        char *more = realloc(letter->out, (size_t)capacity);
+        char *more = gr_realloc(letter->out, (size_t)capacity);
         if (!more) return NULL;
         letter->out = more, letter->out_capacity = capacity;
     }

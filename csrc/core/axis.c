@@ -1,8 +1,8 @@
 /* Tables of one axis of the grid: its cells, its nodes and the coefficients of the shape functions (axis.h). */
 #include "core/axis.h"
+#include "core/memory.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/error.h"
@@ -87,7 +87,7 @@ static int build_quadratic(struct gr_axis *axis, int n, const int32_t *c0_lines,
         return GR_OK;
     }
     const int n_knots = n + 5 + n_c0_lines;
-    double *knot = malloc(sizeof(double) * (size_t)n_knots);
+    double *knot = gr_malloc(sizeof(double) * (size_t)n_knots);
     if (!knot) return GR_ERR_MEMORY;
     int k = 0;
     knot[k++] = 0, knot[k++] = 0;
@@ -109,7 +109,7 @@ static int build_quadratic(struct gr_axis *axis, int n, const int32_t *c0_lines,
         }
         set_integrals(cell, 3);
     }
-    free(knot);
+    gr_free(knot);
     return GR_OK;
 }
 
@@ -165,11 +165,11 @@ int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const in
     axis->origin = origin;
     axis->length = n * dx;
     error = GR_ERR_MEMORY;
-    axis->cell = calloc((size_t)n + 1, sizeof *axis->cell);
-    axis->node_position = calloc((size_t)(n + 3 + n_c0_lines), sizeof(double));
-    axis->node_integral = calloc((size_t)(n + 3 + n_c0_lines), sizeof(double));
-    axis->node_radius = calloc((size_t)(n + 3 + n_c0_lines), sizeof(double));
-    axis->node_number = calloc((size_t)(n + 3 + n_c0_lines), sizeof(int32_t));
+    axis->cell = gr_calloc((size_t)n + 1, sizeof *axis->cell);
+    axis->node_position = gr_calloc((size_t)(n + 3 + n_c0_lines), sizeof(double));
+    axis->node_integral = gr_calloc((size_t)(n + 3 + n_c0_lines), sizeof(double));
+    axis->node_radius = gr_calloc((size_t)(n + 3 + n_c0_lines), sizeof(double));
+    axis->node_number = gr_calloc((size_t)(n + 3 + n_c0_lines), sizeof(int32_t));
     if (!axis->cell || !axis->node_number || !axis->node_position || !axis->node_integral || !axis->node_radius) goto out;
     error = GR_OK;
     if (basis == GR_LINEAR)
@@ -212,7 +212,7 @@ void gr_axis_make_radial(struct gr_axis *axis, int basis, double dx)
 
 struct gr_node_cells *gr_axis_cells_of_nodes(const struct gr_axis *axis, int basis)
 {
-    struct gr_node_cells *of = calloc((size_t)axis->n_nodes, sizeof *of);
+    struct gr_node_cells *of = gr_calloc((size_t)axis->n_nodes, sizeof *of);
     for (int a = gr_basis_nodes_1d(basis); of && a-- > 0;)
         for (int32_t c = 0; c < axis->n_cells; c++) {
             struct gr_node_cells *cells = &of[axis->cell[c].node[a]];
@@ -225,10 +225,10 @@ struct gr_node_cells *gr_axis_cells_of_nodes(const struct gr_axis *axis, int bas
 
 void gr_axis_free(struct gr_axis *axis)
 {
-    free(axis->cell);
-    free(axis->node_number);
-    free(axis->node_position);
-    free(axis->node_integral);
-    free(axis->node_radius);
+    gr_free(axis->cell);
+    gr_free(axis->node_number);
+    gr_free(axis->node_position);
+    gr_free(axis->node_integral);
+    gr_free(axis->node_radius);
     memset(axis, 0, sizeof *axis);
 }

@@ -37,21 +37,21 @@ int gr_inlet_is_valid(const struct gr_inlet *inlet, int dim, int n_components)
 
 static void free_inlet(struct gr_inlet *inlet)
 {
-    free(inlet->record);
-    free(inlet->entered);
-    free(inlet->waits);
+    gr_free(inlet->record);
+    gr_free(inlet->entered);
+    gr_free(inlet->waits);
 }
 
 int gr_inlets_add(struct gr_inlets **inlets, const struct gr_inlet *inlet, int n_components)
 {
     const size_t n = (size_t)inlet->n_sites, bytes = sizeof(double) * n * (size_t)n_components;
     struct gr_inlet new = *inlet;
-    if (!*inlets) *inlets = calloc(1, sizeof **inlets);
+    if (!*inlets) *inlets = gr_calloc(1, sizeof **inlets);
     if (!*inlets) return GR_ERR_MEMORY;
     GR_RESIZE((*inlets)->inlet, (*inlets)->n_inlets + 1);
-    new.record = malloc(bytes);
-    new.entered = calloc(n, sizeof(int64_t));
-    new.waits = calloc(n, sizeof(int64_t));
+    new.record = gr_malloc(bytes);
+    new.entered = gr_calloc(n, sizeof(int64_t));
+    new.waits = gr_calloc(n, sizeof(int64_t));
     new.due = new.missed = 0;
     if (!new.record || !new.entered || !new.waits) {
         free_inlet(&new);
@@ -65,8 +65,8 @@ int gr_inlets_add(struct gr_inlets **inlets, const struct gr_inlet *inlet, int n
 void gr_inlets_free(struct gr_inlets *inlets)
 {
     for (int k = 0; inlets && k < inlets->n_inlets; k++) free_inlet(&inlets->inlet[k]);
-    if (inlets) free(inlets->inlet);
-    free(inlets);
+    if (inlets) gr_free(inlets->inlet);
+    gr_free(inlets);
 }
 
 int64_t gr_inlet_most(const struct gr_inlet *inlet, double seconds)

@@ -52,6 +52,6 @@ static inline int gr_map_own(struct gr_map *m)
 
 static inline void gr_map_free(struct gr_map *m)
 {
-    for (int d = 0; d < 3; d++) free((void *)m->class_of[d]);
-    free((void *)m->value);
+    for (int d = 0; d < 3; d++) gr_free(m->class_of[d]);
+    gr_free(m->value);
 }

@@ -182,6 +182,13 @@ static inline void v_copy_eight(gr_real *to, const gr_real *from)
 #define GR_LN_2_REST GR_PRECISION(1.9082149292705877e-10, -2.12194440054690582e-4)
 
 #define GR_VECTORS (GR_LANES / GR_W) /* vectors of a row of a tile */
+
+/* Vectors of a row of a tile that a call works on: a processor has all of them, a thread of a device one. */
+struct gr_parts {
+    int first, last;
+};
+#define GR_ALL_PARTS ((struct gr_parts){0, GR_VECTORS})
+#define GR_EACH_PART(part, parts) for (int part = (parts).first; part < (parts).last; part++)
 #define GR_ALL_LANES ((1u << GR_W) - 1u)
 
 static const double gr_inverse_factorial[14] = {

@@ -18,7 +18,7 @@ int gr_table_new(struct gr_table *t, int64_t n)
 {
     memset(t, 0, sizeof *t);
     t->n = n;
-    t->block_of = calloc((size_t)(n / GR_BLOCK + 1), sizeof *t->block_of);
+    t->block_of = gr_calloc((size_t)(n / GR_BLOCK + 1), sizeof *t->block_of);
     if (!t->block_of || reserve(t, 1)) {
         gr_table_free(t);
         return GR_ERR_MEMORY;
@@ -107,7 +107,7 @@ int gr_table_fill(struct gr_table *t, const int64_t *index, const int32_t *numbe
     int error = GR_ERR_MEMORY;
     forget_blocks(&f);
     t->n_blocks = 1;
-    f.blocks = malloc(sizeof *f.blocks * (size_t)chunks);
+    f.blocks = gr_malloc(sizeof *f.blocks * (size_t)chunks);
     if (!f.blocks) goto out;
     count_blocks(&f);
     for (int64_t c = 0; c < chunks; c++) {
@@ -120,14 +120,14 @@ int gr_table_fill(struct gr_table *t, const int64_t *index, const int32_t *numbe
     t->n_blocks = blocks;
     error = GR_OK;
 out:
-    free(f.blocks);
+    gr_free(f.blocks);
     return error;
 }
 
 void gr_table_free(struct gr_table *t)
 {
-    free(t->block_of);
-    free(t->value);
-    free(t->used);
+    gr_free(t->block_of);
+    gr_free(t->value);
+    gr_free(t->used);
     memset(t, 0, sizeof *t);
 }

@@ -2,7 +2,6 @@
 #include "engine/build.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "contact/contact.h"
@@ -10,6 +9,7 @@
 #include "contact/rigid.h"
 #include "contact/shared_contacts.h"
 #include "core/memory.h"
+#include "gpu/device.h"
 #include "kernels.h"
 #include "mpm/inflow.h"
 #include "mpm/numbers.h"
@@ -75,11 +75,11 @@ static int build_fluidity(struct gr_engine *e, const uint8_t *face)
 
 static int build_bodies(struct gr_engine *e, int64_t n_cells, int64_t n_nodes)
 {
-    e->bodies.now = calloc((size_t)e->config.n_bodies, sizeof *e->bodies.now);
-    e->bodies.next = calloc((size_t)e->config.n_bodies, sizeof *e->bodies.next);
+    e->bodies.now = gr_calloc((size_t)e->config.n_bodies, sizeof *e->bodies.now);
+    e->bodies.next = gr_calloc((size_t)e->config.n_bodies, sizeof *e->bodies.next);
     e->bodies.n_thin = gr_list_thin(&e->config, 0);
-    e->bodies.thin = calloc((size_t)e->bodies.n_thin + 1, sizeof *e->bodies.thin);
-    e->bodies.split = calloc((size_t)e->config.n_bodies, sizeof *e->bodies.split);
+    e->bodies.thin = gr_calloc((size_t)e->bodies.n_thin + 1, sizeof *e->bodies.thin);
+    e->bodies.split = gr_calloc((size_t)e->config.n_bodies, sizeof *e->bodies.split);
     if (!e->bodies.now || !e->bodies.next || !e->bodies.thin || !e->bodies.split) return GR_ERR_MEMORY;
     (void)gr_list_thin(&e->config, e->bodies.thin);
     gr_bodies_start(e);
@@ -138,7 +138,7 @@ static int build_layout(struct gr_engine *e)
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         if (gr_config_uses(config, f)) e->points.n_components += gr_field_components(f, config->dim);
     e->points.n_doubles = config->single ? config->dim : e->points.n_components; /* x comes first */
-    e->points.column = calloc((size_t)e->points.n_components, sizeof *e->points.column);
+    e->points.column = gr_calloc((size_t)e->points.n_components, sizeof *e->points.column);
     return e->points.column ? GR_OK : GR_ERR_MEMORY;
 }
 
@@ -157,7 +157,7 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     int64_t n_cells, n_nodes;
     *out = 0;
     if (!gr_config_is_valid(config)) return GR_ERR_CONFIG;
-    struct gr_engine *e = calloc(1, sizeof *e);
+    struct gr_engine *e = gr_calloc(1, sizeof *e);
     if (!e) return GR_ERR_MEMORY;
     e->config = *config;
     int error = gr_config_own(&e->config);
@@ -190,6 +190,7 @@ void gr_engine_free(struct gr_engine *e)
     gr_sleep_free(e->sleep);
     if (e->ranks) gr_shared_contacts_free(e->ranks->contacts);
     gr_ranks_free(e->ranks);
+    gr_device_free(e->device);
     const void *owned[] = {e->points.column,
                            e->bodies.near.cell,
                            e->bodies.near.bodies,
@@ -244,8 +245,8 @@ void gr_engine_free(struct gr_engine *e)
     struct gr_table *const tables[] = {&e->mesh.cell_of, &e->mesh.next_of, &e->mesh.node_of};
     for (int k = 0; k < 3; k++) gr_table_free(tables[k]);
     gr_config_free(&e->config);
-    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free((void *)owned[k]);
-    free(e);
+    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) gr_free(owned[k]);
+    gr_free(e);
 }
 
 void gr_engine_bind(struct gr_engine *e, void *const field[GR_FIELD_COUNT], int64_t *id, int64_t capacity)

@@ -1,10 +1,9 @@
 /* How the work of a step is shared out (sharing.h). */
 #include "engine/sharing.h"
 
-#include <stdlib.h>
-
 #include "contact/contact_points.h"
 #include "core/memory.h"
+#include "gpu/device.h"
 #include "mpm/inflow.h"
 #include "mpm/migrate.h"
 #include "mpm/open_volume.h"
@@ -15,8 +14,8 @@ static int reserve_substeps(struct gr_engine *e)
 {
     const int64_t needed = e->points.capacity * GR_SUBSTEP_COUNT;
     if (!e->nonlocal.fluidity || e->config.nonlocal.substeps < 2 || needed <= e->nonlocal.substep_capacity) return GR_OK;
-    free(e->nonlocal.substeps);
-    e->nonlocal.substeps = malloc(sizeof(double) * (size_t)needed);
+    gr_free(e->nonlocal.substeps);
+    e->nonlocal.substeps = gr_malloc(sizeof(double) * (size_t)needed);
     e->nonlocal.substep_capacity = e->nonlocal.substeps ? needed : 0;
     return e->nonlocal.substeps ? GR_OK : GR_ERR_MEMORY;
 }
@@ -72,11 +71,12 @@ int gr_share_out(struct gr_run *run)
         e->bodies.contacts->listed = 0; /* the mesh may be another */
         if (gr_list_near_bodies(e) || (e->bodies.open && gr_open_volumes(e, 0))) return GR_ERR_MEMORY;
     }
-    run->n_chunks = (int)gr_chunks(run->team, GR_MAX_CHUNKS);
+    run->n_chunks = e->device ? 1 : (int)gr_chunks(run->team, GR_MAX_CHUNKS);
     if (reserve_chunks(e, run->n_chunks)) return GR_ERR_MEMORY;
     if (e->sleep && gr_sleep_begin(e)) return GR_ERR_MEMORY;
     if (reserve_substeps(e) || gr_reserve_pending(e, e->points.capacity + gr_inflow_most(e)) || gr_inflow_reserve(e))
         return GR_ERR_MEMORY;
+    if (e->device && gr_device_reserve(e)) return GR_ERR_MEMORY;
     gr_share_tiles(run);
     return GR_OK;
 }

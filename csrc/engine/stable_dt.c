@@ -5,6 +5,7 @@
 
 #include "contact/moving.h"
 #include "core/inlets.h"
+#include "gpu/device.h"
 #include "mpm/numbers.h"
 #include "mpm/ranks.h"
 #include "mpm/sleep.h"
@@ -39,12 +40,19 @@ static double dt_at(const struct gr_engine *e, double speed)
     return gr_damped_dt(e->config.cfl * e->config.dx / (e->config.wave_speed + speed), e->config.largest.damping_time);
 }
 
-double gr_stable_dt(const struct gr_engine *e, struct gr_team *team)
+/* Square of the largest speed of the points. */
+static double fastest_of_points(const struct gr_engine *e, struct gr_team *team)
 {
     struct fastest fastest = {.e = e, .chunks = gr_chunks(team, e->mesh.n_cells)};
     double square = 0;
     gr_team_run(team, find_fastest, &fastest, fastest.chunks);
     for (int64_t c = 0; c < fastest.chunks; c++) square = fmax(square, fastest.square[c]);
+    return square;
+}
+
+double gr_stable_dt(const struct gr_engine *e, struct gr_team *team)
+{
+    double square = e->device ? gr_device_fastest(e) : fastest_of_points(e, team);
     if (e->ranks) gr_ranks_find_largest(e, &square);
     double speed = fmax(sqrt(square), fmax(gr_bodies_speed(e), gr_inlets_speed(e->inflow)));
     for (int k = 0; k < e->config.n_walls; k++) {

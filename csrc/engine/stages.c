@@ -4,6 +4,7 @@
 #include <math.h>
 
 #include "contact/contact.h"
+#include "gpu/device.h"
 #include "mpm/fluidity_bodies.h"
 #include "mpm/ghosts.h"
 #include "mpm/grid.h"
@@ -45,7 +46,7 @@ static void p2g_listed(struct gr_run *run, int64_t first, int64_t last)
     }
 }
 
-/* ---- Chunks of the stages ---- */
+/* ---- Chunks of the stages, for a team ---- */
 
 /* Define chunk(): call a kernel for the tiles of a chunk. */
 #define GR_CHUNK_OF_TILES(chunk, ...)                                                        \
@@ -78,13 +79,62 @@ GR_CHUNK_OF_TILES(sweep, run->kernels->sweep(run->e, first, last, &run->e->migra
 GR_CHUNK_OF(run->e->sums.n_dirty, p2g_dirty, p2g_listed(run, first, last))
 GR_CHUNK_OF(run->e->mesh.n_paired, mean_pairs, run->kernels->mean_pairs(run->e, first, last))
 GR_CHUNK_OF(run->e->mesh.n_paired, store_pairs, run->kernels->store_pairs(run->e, first, last))
-GR_CHUNK_OF(gr_groups(run->e), masses, gr_grid_masses(run->e, run->kernels, first *GR_LANES, end_of_groups(run->e, last)))
-GR_CHUNK_OF(gr_groups(run->e), surroundings, gr_grid_surroundings(run->e, run->kernels, first, last))
-GR_CHUNK_OF(run->e->mesh.n_nodes, smooth_nodes, gr_grid_smooth(run->e, run->kernels, first, last, run->pass))
-GR_CHUNK_OF(gr_groups(run->e), narrow, run->kernels->narrow_nodes(run->e, first, last))
-GR_CHUNK_OF(gr_groups(run->e), nodes, grid_nodes(run, first, last))
 
-static void all_tiles(struct gr_run *run, gr_chunk_work *chunk) { gr_team_run(run->team, chunk, run, run->n_chunks); }
+/* Define chunk(): the same for chunks of nodes, in whole groups. */
+#define GR_CHUNK_OF_NODES(chunk, ...)                                                           \
+    static void chunk(void *context, int64_t c, int t)                                          \
+    {                                                                                           \
+        struct gr_run *run = context;                                                           \
+        int64_t first, last;                                                                    \
+        gr_share(gr_groups(run->e), c, gr_chunks(run->team, gr_groups(run->e)), &first, &last); \
+        first *= GR_LANES, last = end_of_groups(run->e, last);                                  \
+        (void)t, __VA_ARGS__;                                                                   \
+    }
+
+GR_CHUNK_OF_NODES(masses, gr_grid_masses(run->e, run->kernels, first, last))
+GR_CHUNK_OF_NODES(surroundings, gr_grid_surroundings(run->e, run->kernels, first, last))
+GR_CHUNK_OF_NODES(smooth_nodes, gr_grid_smooth(run->e, run->kernels, first, last, run->pass))
+GR_CHUNK_OF_NODES(narrow, run->kernels->narrow_nodes(run->e, first, last))
+GR_CHUNK_OF_NODES(nodes, grid_nodes(run, first, last))
+
+/* ---- Stages, of a team or a device ---- */
+
+static struct gr_launch launch_of(const struct gr_run *run)
+{
+    struct gr_launch launch = {.e = run->e, .pass = run->pass};
+    run->e->device->team = run->team;
+    for (int d = 0; d < 3; d++) launch.gravity[d] = run->gravity[d];
+    return launch;
+}
+
+static void launch(const struct gr_run *run, enum gr_device_stage stage, int64_t n)
+{
+    const struct gr_launch launch = launch_of(run);
+    gr_device_run(&launch, stage, n);
+}
+
+static void all_tiles(struct gr_run *run, gr_chunk_work *chunk, enum gr_device_stage stage)
+{
+    if (run->e->device)
+        launch(run, stage, run->e->mesh.n_tiles * GR_LANES);
+    else
+        gr_team_run(run->team, chunk, run, run->n_chunks);
+}
+
+static void all_nodes(struct gr_run *run, gr_chunk_work *chunk, enum gr_device_stage stage)
+{
+    if (run->e->device)
+        launch(run, stage, run->e->mesh.n_nodes);
+    else
+        gr_team_run(run->team, chunk, run, gr_chunks(run->team, gr_groups(run->e)));
+}
+
+/* Run a stage for all tiles, or all nodes. */
+#define GR_ALL_TILES(run, stage) all_tiles(run, stage, GR_STAGE_##stage)
+#define GR_ALL_NODES(run, stage) all_nodes(run, stage, GR_STAGE_##stage)
+
+/* Stages that a device does not have. */
+static void tiles_of_team(struct gr_run *run, gr_chunk_work *chunk) { gr_team_run(run->team, chunk, run, run->n_chunks); }
 
 static void all_of(struct gr_run *run, gr_chunk_work *chunk, int64_t n)
 {
@@ -100,7 +150,6 @@ static void receive(struct gr_run *run, unsigned parts)
 void gr_stage_grid(struct gr_run *run)
 {
     struct gr_engine *e = run->e;
-    const int64_t n_nodes = e->mesh.n_nodes;
     const unsigned density = gr_averages(e, e->clock.step) ? GR_GHOST_DENSITY : 0;
     e->clock.shift_dt = e->clock.dt;
     e->shift_scale = -1.0 / e->clock.dt;
@@ -110,26 +159,26 @@ void gr_stage_grid(struct gr_run *run)
     gr_plan_sums(e, e->clock.step + 1);
     receive(run, GR_GHOST_MOMENTUM | (e->config.cell_averaged ? 0 : GR_GHOST_FORCE | density));
     if (e->config.cell_averaged) {
-        all_of(run, masses, gr_groups(e));
-        all_tiles(run, cell_forces);
+        GR_ALL_NODES(run, masses);
+        GR_ALL_TILES(run, cell_forces);
         receive(run, GR_GHOST_FORCE | GR_GHOST_AVERAGES);
     }
-    all_of(run, nodes, gr_groups(e));
+    GR_ALL_NODES(run, nodes);
     if (e->config.n_bodies) e->failure.code = gr_bodies_touch(e, run->kernels, run->gravity, run->team);
     if (e->failure.code) {
         e->sums.valid = 0;
         return;
     }
     if (gr_averages(e, e->clock.step)) {
-        all_of(run, surroundings, gr_groups(e));
-        all_tiles(run, fillings);
+        GR_ALL_NODES(run, surroundings);
+        GR_ALL_TILES(run, fillings);
     }
     for (run->pass = 2; run->pass <= e->config.xpic_order; run->pass++) {
-        all_tiles(run, smooth);
+        GR_ALL_TILES(run, smooth);
         receive(run, GR_GHOST_MOMENTUM);
-        all_of(run, smooth_nodes, n_nodes);
+        GR_ALL_NODES(run, smooth_nodes);
     }
-    if (run->kernels->narrow_nodes) all_of(run, narrow, gr_groups(e));
+    if (run->kernels->narrow_nodes) GR_ALL_NODES(run, narrow);
     if (e->watch && !e->failure.code) e->failure.code = gr_sum_wall_impulses(e);
     if (e->watch && e->watch->servo.height > 0) gr_move_servo(e);
 }
@@ -154,10 +203,10 @@ int gr_stage_fluidity(struct gr_run *run)
     struct gr_engine *e = run->e;
     const struct gr_nonlocal *nonlocal = &e->config.nonlocal;
     if (!e->nonlocal.diffuses) return GR_OK;
-    if (e->nonlocal.fluidity->has_inside) all_tiles(run, mark);
+    if (e->nonlocal.fluidity->has_inside) tiles_of_team(run, mark);
     const struct gr_diffusion_call call = {nonlocal->method, 1.0 / nonlocal->substeps * e->clock.dt, 1};
     for (int made = 0; made < nonlocal->substeps; made++) {
-        if (made) all_tiles(run, made == 1 ? begin_substeps : substep);
+        if (made) tiles_of_team(run, made == 1 ? begin_substeps : substep);
         if (e->mesh.n_paired) all_of(run, made ? store_pairs : mean_pairs, e->mesh.n_paired);
         e->failure.code = run->diffuse(e->nonlocal.fluidity, &call, run->team);
         if (e->failure.code) {
@@ -171,8 +220,23 @@ int gr_stage_fluidity(struct gr_run *run)
     return e->failure.code;
 }
 
-void gr_stage_p2g(struct gr_run *run) { all_tiles(run, p2g); }
+void gr_stage_p2g(struct gr_run *run) { GR_ALL_TILES(run, p2g); }
 
-void gr_stage_p2g_again(struct gr_run *run) { all_of(run, p2g_dirty, run->e->sums.n_dirty); }
+void gr_stage_p2g_again(struct gr_run *run)
+{
+    const int64_t n = run->e->sums.n_dirty;
+    if (run->e->device)
+        launch(run, GR_STAGE_p2g_dirty, n * GR_LANES);
+    else
+        all_of(run, p2g_dirty, n);
+}
 
-void gr_stage_g2p(struct gr_run *run) { all_tiles(run, sweep); }
+void gr_stage_g2p(struct gr_run *run)
+{
+    if (!run->e->device) {
+        gr_team_run(run->team, sweep, run, run->n_chunks);
+        return;
+    }
+    const struct gr_launch launch = launch_of(run);
+    gr_device_sweep(&launch);
+}

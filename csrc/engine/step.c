@@ -220,7 +220,7 @@ int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t ma
 /* The stages one by one, in one thread: the same as a step of gr_advance, to the last bit. */
 int gr_p2g(struct gr_engine *e, const struct gr_kernels *kernels)
 {
-    e->failure.code = e->ranks ? GR_ERR_CONFIG : ready(e, NULL); /* ranks make whole steps alone */
+    e->failure.code = e->ranks || e->device ? GR_ERR_CONFIG : ready(e, NULL); /* they make whole steps alone */
     if (e->failure.code) return e->failure.code;
     gr_plan_sums(e, e->clock.step);
     kernels = gr_in_precision(kernels, e->config.single);
@@ -236,7 +236,7 @@ int gr_p2g(struct gr_engine *e, const struct gr_kernels *kernels)
 int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
 {
     struct gr_run run = run_of(e, kernels);
-    e->failure.code = e->ranks ? GR_ERR_CONFIG : GR_OK;
+    e->failure.code = e->ranks || e->device ? GR_ERR_CONFIG : GR_OK;
     if (!e->failure.code && !e->sums.valid) gr_p2g(e, kernels);
     if (!e->failure.code) e->failure.code = gr_share_out(&run);
     if (e->failure.code) return e->failure.code;
@@ -251,9 +251,10 @@ int gr_g2p(struct gr_engine *e, const struct gr_kernels *kernels)
 {
     struct gr_run run = run_of(e, kernels);
     const int known = !e->config.cell_averaged || e->sums.valid; /* the density of a cell is stored with its sums */
-    e->failure.code = e->mesh.n_cells && e->clock.dt > 0 && !e->migration.n_pending && !e->disconnected && known && !e->ranks
-                          ? gr_share_out(&run)
-                          : GR_ERR_CONFIG;
+    e->failure.code =
+        e->mesh.n_cells && e->clock.dt > 0 && !e->migration.n_pending && !e->disconnected && known && !e->ranks && !e->device
+            ? gr_share_out(&run)
+            : GR_ERR_CONFIG;
     if (e->failure.code) return e->failure.code;
     e->record_rates = 1;
     run.kernels->sweep(e, 0, e->mesh.n_tiles, &e->migration.leaving[0], 0);

@@ -1,8 +1,8 @@
 /* The fluidity grid: construction and destruction, stability limits, and a run of the diffusion by a team of threads. */
 #include "fluidity/fluidity.h"
+#include "core/memory.h"
 
 #include <math.h>
-#include <stdlib.h>
 
 #include "core/simd.h"
 
@@ -27,7 +27,7 @@ int gr_fluidity_new(struct gr_fluidity **out, const struct gr_fluidity_config *c
 {
     *out = NULL;
     if (!is_valid(config)) return GR_ERR_CONFIG;
-    struct gr_fluidity *f = calloc(1, sizeof *f);
+    struct gr_fluidity *f = gr_calloc(1, sizeof *f);
     if (!f) return GR_ERR_MEMORY;
     f->dim = config->dim;
     f->stencil = config->stencil;
@@ -60,12 +60,12 @@ void gr_fluidity_free(struct gr_fluidity *f)
     if (!f) return;
     gr_table_free(&f->side);
     gr_table_free(&f->page_of);
-    free(f->space.doubles);
-    free(f->space.bytes);
-    free(f->space.integers);
-    free(f->space.places);
-    free(f->pages.wrap);
-    free(f);
+    gr_free(f->space.doubles);
+    gr_free(f->space.bytes);
+    gr_free(f->space.integers);
+    gr_free(f->space.places);
+    gr_free(f->pages.wrap);
+    gr_free(f);
 }
 
 /* (s^2 + s - 2)/4: the number of explicit steps that s stages of rkl2 can replace. */

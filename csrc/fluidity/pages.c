@@ -120,13 +120,14 @@ static int reserve(struct gr_fluidity *f, int64_t n)
     const int n_always = 8 + sides, n_vectors = n_always + (f->rough_bodies ? 1 + sides : 0) + (f->axisymmetric ? 1 : 0),
               n_maps = isotropic ? 2 : 2 + sides;
     if (n > f->pages.capacity || !f->space.doubles) {
-        free(f->space.doubles), free(f->space.bytes), free(f->space.integers), free(f->space.places);
+        gr_free(f->space.doubles), gr_free(f->space.bytes), gr_free(f->space.integers), gr_free(f->space.places);
         f->pages.capacity = n + n / 2 + 2; /* with the pages of zeros at both ends */
         const size_t capacity = (size_t)f->pages.capacity;
-        f->space.doubles = malloc((capacity * (size_t)(n_vectors * GR_PAGE + 3)) * sizeof(double));
-        f->space.bytes = malloc(capacity * (size_t)n_maps * GR_PAGE);
-        f->space.integers = malloc(capacity * 4 * sizeof(int64_t));
-        f->space.places = malloc(capacity * (size_t)(isotropic ? sides + (sides + 1) * GR_PAGE : sides) * sizeof(int32_t));
+        f->space.doubles = gr_malloc((capacity * (size_t)(n_vectors * GR_PAGE + 3)) * sizeof(double));
+        f->space.bytes = gr_malloc(capacity * (size_t)n_maps * GR_PAGE);
+        f->space.integers = gr_malloc(capacity * 4 * sizeof(int64_t));
+        f->space.places =
+            gr_malloc(capacity * (size_t)(isotropic ? sides + (sides + 1) * GR_PAGE : sides) * sizeof(int32_t));
         if (!f->space.doubles || !f->space.bytes || !f->space.integers || !f->space.places) {
             f->pages.capacity = -1;
             return GR_ERR_MEMORY;

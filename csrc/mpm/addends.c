@@ -1,8 +1,6 @@
 /* What is added to the nodes (addends.h). */
 #include "mpm/addends.h"
 
-#include <stdlib.h>
-
 #include "core/memory.h"
 #include "mpm/cell_sums.h"
 
@@ -275,6 +273,6 @@ int gr_list_addends(struct gr_engine *e, int64_t n_front, struct gr_team *team, 
 {
     struct listing l = {.e = e, .team = team, .chunks = chunks, .n_front = n_front};
     const int error = list(&l);
-    free(l.line);
+    gr_free(l.line);
     return error;
 }

@@ -123,17 +123,17 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
     if (rings) v_store(gr_cell_sums(e, first, GR_CELL_STRESS + stresses), of_rings);
 }
 
-/* P2G of the points of a tile. The forces follow. */
-GR_INLINE void p2g_averaged(const int dim, const int affine, struct gr_engine *e, int64_t tile)
+/* P2G of the points of a tile, or of parts of it. The forces follow. */
+GR_INLINE void p2g_averaged(const int dim, const int affine, struct gr_engine *e, int64_t tile, const struct gr_parts parts)
 {
     struct pass pass;
-    if (!most_points(e, tile * GR_LANES, GR_LANES)) {
+    if (is_empty_tile(e, tile, parts)) {
         clear_sums(e, tile);
         return;
     }
     begin_pass(e, GR_SUMS_OF_MOTION, tile, 0, &pass);
     pass.masses = gr_cell_sums(e, tile * GR_LANES, GR_CELL_AVERAGED_SUMS(dim));
-    for (int part = 0; part < GR_VECTORS; part++) p2g_averaged_cells(dim, affine, e, tile, part, &pass);
+    GR_EACH_PART(part, parts) p2g_averaged_cells(dim, affine, e, tile, part, &pass);
     store_ends(2, 1 << (dim - 1), &pass, 0, GR_SUM_FORCE(dim));
 }
 
@@ -265,19 +265,19 @@ GR_INLINE void forces_of_cells(const int dim, struct gr_engine *e, int64_t tile,
     }
 }
 
-/* The same for a tile; without points all sums are zero. */
-GR_INLINE void apply_forces_of_tile(const int dim, struct gr_engine *e, int64_t tile)
+/* The same for a tile, or for parts of it; without points all sums are zero. */
+GR_INLINE void apply_forces_of_tile(const int dim, struct gr_engine *e, int64_t tile, const struct gr_parts parts)
 {
     struct pass pass;
     begin_pass(e, GR_SUMS_OF_MOTION, tile, 0, &pass);
-    if (!most_points(e, tile * GR_LANES, GR_LANES)) {
+    if (is_empty_tile(e, tile, parts)) {
         for (int64_t first = tile * GR_LANES; first < (tile + 1) * GR_LANES; first += GR_W) {
             v_store(average_of(e, GR_AVERAGE_C, first), v_set(EMPTY));
             v_store(average_of(e, GR_AVERAGE_EXCESS, first), v_zero());
         }
         return;
     }
-    for (int part = 0; part < GR_VECTORS; part++) forces_of_cells(dim, e, tile, part, &pass);
+    GR_EACH_PART(part, parts) forces_of_cells(dim, e, tile, part, &pass);
     store_ends(2, 1 << (dim - 1), &pass, GR_SUM_FORCE(dim), GR_SUM_DAMPED(dim) + 1);
 }
 

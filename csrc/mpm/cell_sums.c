@@ -1,7 +1,6 @@
 /* Memory of the sums of cells (cell_sums.h). */
 #include "mpm/cell_sums.h"
-
-#include <stdlib.h>
+#include "core/memory.h"
 
 enum { LINE = 64 }; /* bytes of a line of the caches */
 
@@ -14,9 +13,10 @@ int gr_reserve_sums(struct gr_engine *e, int64_t numbers)
 {
     if (numbers <= e->sums.capacity) return GR_OK;
     const int64_t capacity = numbers + numbers / 2;
-    void *block = malloc(gr_bytes_of_sums(e, capacity + GR_LANES) + LINE); /* loads of whole vectors reach beyond the last */
+    void *block =
+        gr_malloc(gr_bytes_of_sums(e, capacity + GR_LANES) + LINE); /* loads of whole vectors reach beyond the last */
     if (!block) return GR_ERR_MEMORY;
-    free(e->sums.block);
+    gr_free(e->sums.block);
     e->sums.capacity = capacity;
     e->sums.block = block;
     e->sums.data = (char *)block + (LINE - (uintptr_t)block % LINE);

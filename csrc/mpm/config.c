@@ -1,8 +1,6 @@
 /* Configuration of the MPM engine (config.h). */
 #include "mpm/config.h"
 
-#include <stdlib.h>
-
 #include "core/axis.h"
 #include "core/error.h"
 #include "core/memory.h"
@@ -48,9 +46,9 @@ int gr_config_own(struct gr_config *c)
 
 void gr_config_free(struct gr_config *c)
 {
-    for (int b = 0; c->bodies && b < c->n_bodies; b++) free((void *)c->bodies[b].motion);
+    for (int b = 0; c->bodies && b < c->n_bodies; b++) gr_free(c->bodies[b].motion);
     const void *owned[] = {c->gravity_times, c->gravity_vectors, c->walls, c->bodies, c->parts};
-    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free((void *)owned[k]);
+    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) gr_free(owned[k]);
     gr_map_free(&c->node_codes);
     gr_map_free(&c->cell_flags);
 }

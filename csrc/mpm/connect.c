@@ -2,7 +2,6 @@
 #include "mpm/connect.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/memory.h"
@@ -105,8 +104,8 @@ GR_SHARED(clear_nodes, struct connect, q->e->nodes.capacity, q)
 static int number_nodes(struct connect *q)
 {
     const size_t n = (size_t)q->n_nodes + 1;
-    int64_t *ids = malloc(sizeof *ids * n);
-    int32_t *number = malloc(sizeof *number * n);
+    int64_t *ids = gr_malloc(sizeof *ids * n);
+    int32_t *number = gr_malloc(sizeof *number * n);
     int64_t at[2] = {0, 0}, all = 0;
     int error = GR_ERR_MEMORY;
     while (ids && number && (at[0] < q->n[0] || at[1] < q->n[1])) {
@@ -115,8 +114,8 @@ static int number_nodes(struct connect *q)
         number[all++] = (int32_t)(q->first[behind] + at[behind]++);
     }
     if (ids && number) error = gr_table_fill(&q->e->mesh.node_of, ids, number, all, q->team, q->chunks);
-    free(ids);
-    free(number);
+    gr_free(ids);
+    gr_free(number);
     return error;
 }
 
@@ -345,6 +344,6 @@ int gr_connect(struct gr_engine *e, const struct gr_tiles *tiles, struct gr_team
         find_all_about(&q);
         describe_none(e);
     }
-    for (int k = 0; k < 2; k++) free(q.ids[k]);
+    for (int k = 0; k < 2; k++) gr_free(q.ids[k]);
     return error;
 }

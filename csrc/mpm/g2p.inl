@@ -8,12 +8,13 @@
  *
  * The law then updates the stress from L dt (cell_view.inl). Points that leave their cell are listed here; migrate.c
  * moves them, and the sums of the cells that they enter are computed again. */
+#include "gpu/device.h"
 #include "mpm/contribution.h"
 #include "mpm/density_correction.h"
 #include "mpm/slots.h"
 
-/* List the points of a row of the cells from `first` on that are not `inside`. Spare slots that are not go back to the
- * centre of their cell. */
+/* List the points of a row of the cells from `first` on that are not `inside`; without a list, note that they leave. Spare
+ * slots that are not go back to the centre of their cell. */
 static __attribute__((noinline)) int64_t list_migrants(struct gr_engine *e, int64_t first, int row, unsigned inside,
                                                        struct gr_migrant *migrant)
 {
@@ -21,8 +22,10 @@ static __attribute__((noinline)) int64_t list_migrants(struct gr_engine *e, int6
     for (int lane = 0; lane < GR_W; lane++) {
         struct gr_cell *cell = &e->mesh.cell[first + lane];
         if (inside >> lane & 1u) continue;
-        if (row < cell->count)
+        if (row < cell->count && migrant)
             migrant[n++] = (struct gr_migrant){.cell = first + lane, .slot = gr_slot(cell, row)};
+        else if (row < cell->count)
+            n += e->device->leaves[gr_slot(cell, row)] = 1;
         else
             gr_clear_slot(e, cell, gr_slot(cell, row));
     }
@@ -150,23 +153,24 @@ GR_INLINE void fetch_row(const struct gr_engine *e, int64_t at)
         __builtin_prefetch((const float *)e->points.column[c] + at, 1);
 }
 
-/* G2P of the cells of a tile, row by row. Their points are added to the batch of the law.
+/* G2P of the cells of a tile, or of parts of it, row by row. Their points are added to the batch of the law.
  * Returned: the number of points that left. */
 GR_INLINE int64_t g2p_tile(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
-                           const int averages, struct gr_engine *e, int64_t tile, struct batch *batch,
-                           struct gr_migrant *migrant)
+                           const int averages, struct gr_engine *e, int64_t tile, const struct gr_parts parts,
+                           struct batch *batch, struct gr_migrant *migrant)
 {
     struct view view[GR_VECTORS];
     int64_t n = 0, first = tile * GR_LANES;
     int rows = 0;
-    for (int part = 0; part < GR_VECTORS; part++) {
+    GR_EACH_PART(part, parts)
+    {
         look_at_cells(dim, basis, affine, smoothed, cell_averaged, averages, e, first + part * GR_W, &view[part]);
         if (view[part].points > rows) rows = view[part].points;
     }
     const int fetches = e->out_of_cache && !cell_averaged && tile + 1 < e->mesh.n_tiles; /* averages: 2 to 4 % slower */
     const int64_t ahead = fetches ? e->mesh.cell[first + GR_LANES].offset : 0;
-    for (int row = 0; row < rows; row++)
-        for (int part = 0; part < GR_VECTORS; part++) {
+    for (int row = 0; row < rows; row++) GR_EACH_PART(part, parts)
+        {
             const int64_t at = gr_slot(&e->mesh.cell[first + part * GR_W], row);
             if (!part && fetches) fetch_row(e, ahead + row * GR_LANES);
             if (row >= view[part].points) continue;
@@ -177,7 +181,7 @@ GR_INLINE int64_t g2p_tile(const int dim, const int basis, const int affine, con
             if (e->nonlocal.diffuses) v_store(batch->g_star + batch->n * GR_W, start_of_row(e, &view[part].fluidity, at));
             batch->slot[batch->n++] = at;
             if (__builtin_expect(inside != GR_ALL_LANES, 0))
-                n += list_migrants(e, first + part * GR_W, row, inside, migrant + n);
+                n += list_migrants(e, first + part * GR_W, row, inside, migrant ? migrant + n : NULL);
         }
     return n;
 }

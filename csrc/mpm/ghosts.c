@@ -1,7 +1,6 @@
 /* Ghost cells (ghosts.h). */
 #include "mpm/ghosts.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/memory.h"

@@ -14,10 +14,13 @@
 
 /* Fields of nodes in addition to their motion: the damping of averaged cells, or the sums of a step that averages the
  * density. */
-enum further { NOTHING, DAMPING, DENSITY };
+enum further { MOTION_ALONE, WITH_DAMPING, WITH_DENSITY };
 
 /* Number of sums of motion of a node. */
-GR_INLINE int motion_sums(const int dim, const enum further further) { return GR_SUM_DAMPED(dim) + (further == DAMPING); }
+GR_INLINE int motion_sums(const int dim, const enum further further)
+{
+    return GR_SUM_DAMPED(dim) + (further == WITH_DAMPING);
+}
 
 /* The sums of a block of nodes, in rows of GR_SUM_ROW: a node has motion_sums, or GR_NODE_SUMS and, with several materials,
  * GR_VOLUME_SUMS. */
@@ -142,7 +145,8 @@ GR_INLINE void store_density(const int dim, struct gr_engine *e, const struct gr
                              const double *sums)
 {
     const int several = e->own_volumes;
-    kernels->describe_nodes(e, first, sums, sums + (several ? GR_NODE_SUMS(dim) + GR_SUM_VOLUME : GR_SUM_MASS) * GR_SUM_ROW);
+    kernels->describe_nodes(e, first, lanes, sums,
+                            sums + (several ? GR_NODE_SUMS(dim) + GR_SUM_VOLUME : GR_SUM_MASS) * GR_SUM_ROW);
     if (several) describe_mixture(dim, e, first, lanes, sums);
     for (int64_t n = first; e->bodies.open && n < first + lanes; n++)
         if (is_closed(e, n)) {
@@ -152,10 +156,10 @@ GR_INLINE void store_density(const int dim, struct gr_engine *e, const struct gr
 }
 
 /* The sums of the nodes [first, last), a block. */
-GR_INLINE void sum_nodes(const int dim, const enum further further, struct gr_engine *e, const struct gr_kernels *kernels,
-                         int64_t first, int64_t last, struct block *block)
+GR_INLINE void sum_block_of_nodes(const int dim, const enum further further, struct gr_engine *e,
+                                  const struct gr_kernels *kernels, int64_t first, int64_t last, struct block *block)
 {
-    const int averages = further == DENSITY;
+    const int averages = further == WITH_DENSITY;
     kernels->sum_nodes(e, GR_SUMS_OF_MOTION, 0, motion_sums(dim, further), first, last, row_of(block, 0));
     if (averages)
         kernels->sum_nodes(e, GR_SUMS_OF_DENSITY, 0, GR_DENSITY_SUMS(dim), first, last, row_of(block, GR_SUM_DENSITY(dim)));
@@ -169,20 +173,20 @@ GR_INLINE void sum_nodes(const int dim, const enum further further, struct gr_en
 GR_INLINE void grid_block(const int dim, const enum further further, struct gr_engine *e, const struct gr_kernels *kernels,
                           int64_t first, int64_t last, const double g[3])
 {
-    const int damps = further == DAMPING;
+    const int damps = further == WITH_DAMPING;
     struct block block;
     _Alignas(64) struct gr_node_motion motion;
-    sum_nodes(dim, further, e, kernels, first, last, &block);
+    sum_block_of_nodes(dim, further, e, kernels, first, last, &block);
     for (int64_t n = first; n < last; n += GR_LANES) {
         const int lanes = last - n < GR_LANES ? (int)(last - n) : GR_LANES;
         const double *const sums = row_of(&block, 0) + (n - first);
-        kernels->move_nodes(e, damps, g, sums, &motion);
+        kernels->move_nodes(e, damps, g, sums, lanes, &motion);
         for (int l = 0; l < lanes; l++)
             if (e->mesh.node_code[n + l] || e->watch) apply_wall(e, n, l, sums[GR_SUM_MASS * GR_SUM_ROW + l], &motion);
-        kernels->store_nodes(e, damps, n, &motion);
+        kernels->store_nodes(e, damps, n, lanes, &motion);
         for (int l = 0; e->nodes.v && l < lanes; l++)
             for (int d = 0; d < dim; d++) e->nodes.v[(n + l) * dim + d] = motion.v[d][l];
-        if (further == DENSITY) store_density(dim, e, kernels, n, lanes, sums);
+        if (further == WITH_DENSITY) store_density(dim, e, kernels, n, lanes, sums);
     }
 }
 
@@ -199,15 +203,17 @@ GR_INLINE void grid_nodes(const int dim, const enum further further, struct gr_e
 
 void gr_grid_nodes(struct gr_engine *e, const struct gr_kernels *kernels, int64_t first, int64_t last, const double g[3])
 {
-    const enum further further = e->config.cell_averaged ? DAMPING : gr_averages(e, e->clock.step) ? DENSITY : NOTHING;
+    const enum further further = e->config.cell_averaged         ? WITH_DAMPING
+                                 : gr_averages(e, e->clock.step) ? WITH_DENSITY
+                                                                 : MOTION_ALONE;
 #define GR_GRID(d, q) \
     if (e->config.dim == d && further == q) grid_nodes(d, q, e, kernels, first, last, g);
-    GR_GRID(2, NOTHING)
-    GR_GRID(2, DAMPING)
-    GR_GRID(2, DENSITY)
-    GR_GRID(3, NOTHING)
-    GR_GRID(3, DAMPING)
-    GR_GRID(3, DENSITY)
+    GR_GRID(2, MOTION_ALONE)
+    GR_GRID(2, WITH_DAMPING)
+    GR_GRID(2, WITH_DENSITY)
+    GR_GRID(3, MOTION_ALONE)
+    GR_GRID(3, WITH_DAMPING)
+    GR_GRID(3, WITH_DENSITY)
 #undef GR_GRID
 }
 

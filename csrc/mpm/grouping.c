@@ -198,10 +198,10 @@ static int find_side(const struct regroup *r, int64_t p, int of_cell)
 static int split_cells(struct regroup *r)
 {
     const int64_t n = r->n_active;
-    int64_t last = n, *cells = realloc(r->cells, sizeof(int64_t) * (size_t)(2 * n + 1));
+    int64_t last = n, *cells = gr_realloc(r->cells, sizeof(int64_t) * (size_t)(2 * n + 1));
     if (!cells) return GR_ERR_MEMORY;
     r->cells = cells;
-    r->sides = malloc((size_t)(2 * n + 1));
+    r->sides = gr_malloc((size_t)(2 * n + 1));
     if (!r->sides) return GR_ERR_MEMORY;
     for (int64_t c = 0; c < n; c++) {
         int32_t at[3];
@@ -281,7 +281,7 @@ static int list_active(struct regroup *r)
     if (!error &&
         gr_spread(e, GR_SPREAD_CELLS, occupied ? occupied : r->listed, n, r->team, r->chunks, &r->cells, &r->n_active))
         error = GR_ERR_MEMORY;
-    free(occupied);
+    gr_free(occupied);
     if (!error && e->ranks) error = gr_ranks_reserve_sharing(e->ranks, (1 + (e->bodies.n_thin > 0)) * r->n_active);
     if (error || !e->ranks) return error;
     find_sharing(r);
@@ -306,8 +306,8 @@ static int list_cells(struct regroup *r)
         gr_table_fill(&e->mesh.next_of, r->cells, r->tiles.lane, r->n_active, r->team, r->chunks))
         return GR_ERR_MEMORY;
     const int64_t n_tiles = gr_number_of_tiles(&r->tiles);
-    r->counts = calloc((size_t)r->tiles.n_cells + 1, sizeof *r->counts);
-    r->offset = malloc(sizeof *r->offset * (size_t)(n_tiles + 1));
+    r->counts = gr_calloc((size_t)r->tiles.n_cells + 1, sizeof *r->counts);
+    r->offset = gr_malloc(sizeof *r->offset * (size_t)(n_tiles + 1));
     if (!r->counts || !r->offset) return GR_ERR_MEMORY;
     number_cells(r);
     count_new(r);
@@ -450,11 +450,11 @@ GR_SHARED(find_fluidity, struct regroup, r->tiles.n_cells, r)
 static int reserve_points(struct regroup *r)
 {
     const size_t n = (size_t)r->e->points.n + 1;
-    r->list = calloc((size_t)r->chunks + 1, sizeof *r->list);
-    r->source = malloc(sizeof *r->source * n);
-    r->slot = malloc(sizeof *r->slot * n);
-    r->cell = malloc(sizeof *r->cell * n);
-    r->listed = malloc(sizeof *r->listed * 2 * n);
+    r->list = gr_calloc((size_t)r->chunks + 1, sizeof *r->list);
+    r->source = gr_malloc(sizeof *r->source * n);
+    r->slot = gr_malloc(sizeof *r->slot * n);
+    r->cell = gr_malloc(sizeof *r->cell * n);
+    r->listed = gr_malloc(sizeof *r->listed * 2 * n);
     return r->list && r->source && r->slot && r->cell && r->listed ? GR_OK : GR_ERR_MEMORY;
 }
 
@@ -463,7 +463,7 @@ static int reserve_slots(struct regroup *r)
     const int error = gr_reserve_moves(&r->moves);
     if (error) return error;
     if (!r->e->sleep) return GR_OK;
-    r->calm = malloc(sizeof *r->calm * ((size_t)r->tiles.n_cells + 1));
+    r->calm = gr_malloc(sizeof *r->calm * ((size_t)r->tiles.n_cells + 1));
     if (!r->calm) return GR_ERR_MEMORY;
     keep_calm(r);
     return GR_OK;
@@ -473,7 +473,7 @@ static void free_regroup(struct regroup *r)
 {
     void *const owned[] = {r->list,  r->source, r->slot,   r->cell,   r->listed,
                            r->cells, r->sides,  r->counts, r->offset, r->calm};
-    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
+    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) gr_free(owned[k]);
     gr_free_tiles(&r->tiles);
     gr_free_moves(&r->moves);
 }

@@ -6,6 +6,7 @@
 
 #include "core/index.h"
 #include "core/memory.h"
+#include "gpu/device.h"
 #include "mpm/arrivals.h"
 #include "mpm/sleep.h"
 #include "mpm/slots.h"
@@ -59,19 +60,6 @@ static int fail(struct gr_engine *e, int code, const double *record, int64_t id)
     return code;
 }
 
-/* Pack a point: copy all its components from its slot to a record, x first. */
-static void pack(const struct gr_engine *e, int64_t slot, double *record)
-{
-    for (int k = 0; k < e->points.n_components; k++) record[k] = gr_component(e, k, slot);
-}
-
-/* Unpack a record: copy a point to its new slot. */
-static void unpack(struct gr_engine *e, int64_t slot, const double *record, int64_t id)
-{
-    for (int k = 0; k < e->points.n_components; k++) gr_set_component(e, k, slot, record[k]);
-    e->points.id[slot] = id;
-}
-
 int gr_reserve_pending(struct gr_engine *e, int64_t n)
 {
     if (n <= e->migration.pending_capacity) return GR_OK;
@@ -81,84 +69,6 @@ int gr_reserve_pending(struct gr_engine *e, int64_t n)
     GR_RESIZE(e->migration.migrant, capacity);
     e->migration.pending_capacity = capacity;
     return GR_OK;
-}
-
-/* Fill the gap of a removed point with the last point of its cell. */
-static void close_hole(struct gr_engine *e, struct gr_cell *cell, int64_t slot)
-{
-    const int64_t last = gr_slot(cell, --cell->count);
-    if (slot != last) {
-        for (int k = 0; k < e->points.n_components; k++) gr_set_component(e, k, slot, gr_component(e, k, last));
-        e->points.id[slot] = e->points.id[last];
-    }
-    gr_clear_slot(e, cell, last);
-}
-
-/* Find the cell of a packed point along each axis. */
-static void locate(const struct gr_engine *e, const double *record, int64_t at[3])
-{
-    for (int d = 0; d < e->config.dim; d++) at[d] = gr_locate(&e->axis[d], e->inv_dx, record[d]);
-}
-
-/* Code of the error of a packed point at the indices `at`, GR_OK if it is finite and in a neighbour of its old cell,
- * `from`. */
-static int check(const struct gr_engine *e, const struct gr_cell *from, const double *record, const int64_t at[3])
-{
-    int finite = 1;
-    for (int k = 0; k < e->points.n_components; k++) finite &= isfinite(record[k]) != 0;
-    if (!finite) return GR_ERR_NOT_FINITE;
-    for (int d = 0; d < e->config.dim; d++)
-        if (at[d] > from->at[d] + 1 || at[d] < from->at[d] - 1) return GR_ERR_RUNAWAY;
-    return GR_OK;
-}
-
-/* Find the new cell of a packed point from its indices. */
-static int64_t find_cell(const struct gr_engine *e, const int64_t at[3], const double *record)
-{
-    int32_t to[3];
-    double x[3] = {0};
-    for (int d = 0; d < e->config.dim; d++) {
-        if (at[d] < 0 || at[d] >= e->axis[d].n_cells) return GR_TO_OUTSIDE;
-        to[d] = (int32_t)at[d];
-        x[d] = record[d];
-    }
-    const int64_t index = (int64_t)gr_table_get(&e->mesh.cell_of, gr_cell_id(e, to)) - 1;
-    if (index < 0) return GR_TO_NO_CELL;
-    if (!e->bodies.n_thin || e->mesh.cell[index].side != GR_FRONT) return index;
-    return gr_point_side(e, x, gr_sign(record[gr_component_of(e, GR_FIELD_side)])) < 0 ? e->mesh.other[index] : index;
-}
-
-int64_t gr_find_cell(const struct gr_engine *e, const double *record)
-{
-    int64_t at[3];
-    locate(e, record, at);
-    return find_cell(e, at, record);
-}
-
-/* Check point k of a list, find its new cell, and count it. */
-static void address(const struct gr_engine *e, struct gr_migrants *out, int64_t k)
-{
-    struct gr_migrant *migrant = &out->from[k];
-    const double *record = out->record + k * e->points.n_components;
-    int64_t at[3];
-    locate(e, record, at);
-    migrant->to = find_cell(e, at, record);
-    out->invalid += check(e, &e->mesh.cell[migrant->cell], record, at) != GR_OK;
-    out->outside += migrant->to == GR_TO_OUTSIDE;
-    out->homeless += migrant->to == GR_TO_NO_CELL;
-    if (migrant->to < 0) return;
-    if (migrant->to < out->lowest) out->lowest = migrant->to;
-    if (migrant->to > out->highest) out->highest = migrant->to;
-}
-
-void gr_pack_migrants(struct gr_engine *e, struct gr_migrants *out, int64_t first)
-{
-    for (int64_t k = first; k < out->count; k++) {
-        pack(e, out->from[k].slot, out->record + k * e->points.n_components);
-        out->id[k] = e->points.id[out->from[k].slot];
-        address(e, out, k);
-    }
-    for (int64_t k = out->count - 1; k >= first; k--) close_hole(e, &e->mesh.cell[out->from[k].cell], out->from[k].slot);
 }
 
 /* Put all migrants back into their old cells, which still have the slots for them, and report the first that is
@@ -171,9 +81,9 @@ static int refuse(struct gr_engine *e, const struct gr_migrants *list, int lists
             struct gr_cell *cell = &e->mesh.cell[list[t].from[k].cell];
             const double *record = list[t].record + k * e->points.n_components;
             int64_t at[3];
-            locate(e, record, at);
-            if (!error && (error = check(e, cell, record, at))) (void)fail(e, error, record, list[t].id[k]);
-            unpack(e, gr_slot(cell, cell->count++), record, list[t].id[k]);
+            gr_locate_packed(e, record, at);
+            if (!error && (error = gr_check_packed(e, cell, record, at))) (void)fail(e, error, record, list[t].id[k]);
+            gr_unpack(e, gr_slot(cell, cell->count++), record, list[t].id[k]);
         }
     return error;
 }
@@ -190,11 +100,7 @@ static void mark(struct gr_engine *e, int64_t index, int64_t *dirty, int64_t *n_
  * Returned: 0 if the cell is full. */
 static int put(struct gr_engine *e, int64_t index, double *record, int64_t id, int64_t *dirty, int64_t *n_dirty)
 {
-    struct gr_cell *cell = &e->mesh.cell[index];
-    if (e->bodies.n_thin) record[gr_component_of(e, GR_FIELD_side)] = GR_IS_DOUBLE(cell) ? cell->side : 0;
-    if (cell->count == cell->capacity) return 0;
-    gr_wake_for_arrival(e, cell);
-    unpack(e, gr_slot(cell, cell->count++), record, id);
+    if (!gr_put_point(e, &e->mesh.cell[index], record, id)) return 0;
     mark(e, index, dirty, n_dirty);
     return 1;
 }
@@ -220,11 +126,11 @@ static void wait(struct gr_engine *e, const double *record, int64_t id)
 static int64_t bring_back(struct gr_engine *e, const struct gr_cell *from, double *record)
 {
     int64_t at[3];
-    locate(e, record, at);
+    gr_locate_packed(e, record, at);
     gr_tally_carry(e, record, -1);
     if (gr_confine(e, record, at, from->at)) {
         gr_tally_carry(e, record, 1);
-        return find_cell(e, at, record);
+        return gr_cell_of_packed(e, at, record);
     }
     gr_tally_outflow(e, record);
     e->dropped++;
@@ -240,8 +146,6 @@ struct arrivals {
     int64_t chunks, n_dirty[GR_MAX_CHUNKS];
     int full[GR_MAX_CHUNKS]; /* whether a cell was */
 };
-
-enum { FULL = -1 }; /* the slot of a packed point whose new cell is full */
 
 static void insert_chunk(void *context, int64_t chunk, int t)
 {
@@ -259,11 +163,30 @@ static void insert_chunk(void *context, int64_t chunk, int t)
             struct gr_migrant *migrant = &list->from[k];
             if (migrant->to < first || migrant->to >= last) continue;
             if (put(e, migrant->to, list->record + k * e->points.n_components, list->id[k], dirty, &n)) continue;
-            migrant->slot = FULL; /* not `to`, which other threads read */
+            migrant->slot = GR_NOT_PUT; /* not `to`, which other threads read */
             a->full[chunk] = 1;
         }
     }
     a->n_dirty[chunk] = n;
+}
+
+/* Insert the packed points into the cells that have slots for them.
+ * Returned: whether a cell was full. */
+static int insert_all(struct gr_engine *e, struct gr_migrants *list, int lists, struct gr_team *team)
+{
+    struct arrivals a; /* not cleared, as its arrays are long */
+    int full = 0;
+    a.e = e, a.list = list, a.lists = lists;
+    a.chunks = team ? gr_chunks(team, e->mesh.n_tiles) : 1;
+    gr_team_run(team, insert_chunk, &a, a.chunks);
+    for (int64_t chunk = 0; chunk < a.chunks; chunk++) {
+        int64_t first, last;
+        gr_share(e->mesh.n_tiles, chunk, a.chunks, &first, &last);
+        memmove(e->sums.dirty + e->sums.n_dirty, e->sums.dirty + first, sizeof(int64_t) * (size_t)a.n_dirty[chunk]);
+        e->sums.n_dirty += a.n_dirty[chunk];
+        full |= a.full[chunk];
+    }
+    return full;
 }
 
 /* Find the cells of the points that left the domain and came back.
@@ -288,7 +211,7 @@ static int64_t bring_back_all(struct gr_engine *e, struct gr_migrants *list, int
 }
 
 /* True if an active cell has not taken a point. */
-static int is_left(const struct gr_migrant *migrant) { return migrant->to == GR_TO_NO_CELL || migrant->slot == FULL; }
+static int is_left(const struct gr_migrant *migrant) { return migrant->to == GR_TO_NO_CELL || migrant->slot == GR_NOT_PUT; }
 
 /* Give more rows to the tiles whose cells are full, or let points wait. If some have no cell all are grouped anyway. */
 static int insert_rest(struct gr_engine *e, struct gr_migrants *list, int lists, int homeless)
@@ -316,7 +239,7 @@ int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists, struct 
     int64_t invalid = 0, count = 0;
     e->sums.n_dirty = 0;
     for (int l = 0; l < lists; l++) invalid += list[l].invalid, count += list[l].count;
-    int elsewhere = e->ranks ? gr_ranks_agree(e, invalid ? GR_ERR_NOT_FINITE : GR_OK, NULL, 0) : GR_OK, full = 0;
+    int elsewhere = e->ranks ? gr_ranks_agree(e, invalid ? GR_ERR_NOT_FINITE : GR_OK, NULL, 0) : GR_OK;
     if (invalid || elsewhere) { /* the state before migration */
         const int error = refuse(e, list, lists);
         return error ? error : elsewhere;
@@ -327,17 +250,7 @@ int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists, struct 
         if (error) return error;
         list = e->ranks->part;
     }
-    struct arrivals a; /* not cleared, as its arrays are long */
-    a.e = e, a.list = list, a.lists = lists;
-    a.chunks = count > FEW ? gr_chunks(team, e->mesh.n_tiles) : 1;
-    gr_team_run(a.chunks > 1 ? team : NULL, insert_chunk, &a, a.chunks);
-    for (int64_t chunk = 0; chunk < a.chunks; chunk++) {
-        int64_t first, last;
-        gr_share(e->mesh.n_tiles, chunk, a.chunks, &first, &last);
-        memmove(e->sums.dirty + e->sums.n_dirty, e->sums.dirty + first, sizeof(int64_t) * (size_t)a.n_dirty[chunk]);
-        e->sums.n_dirty += a.n_dirty[chunk];
-        full |= a.full[chunk];
-    }
+    const int full = e->device ? gr_device_insert(e, list) : insert_all(e, list, lists, count > FEW ? team : NULL);
     return homeless || full ? insert_rest(e, list, lists, homeless > 0) : GR_OK;
 }
 
@@ -352,7 +265,7 @@ static struct gr_cell nearest_cell(const struct gr_engine *e, const double *reco
 {
     struct gr_cell nearest = {0};
     int64_t at[3];
-    locate(e, record, at);
+    gr_locate_packed(e, record, at);
     for (int d = 0; d < e->config.dim; d++)
         nearest.at[d] = (int32_t)(at[d] < 0 ? 0 : at[d] < e->axis[d].n_cells ? at[d] : e->axis[d].n_cells - 1);
     return nearest;
@@ -363,7 +276,7 @@ int gr_place_new(struct gr_engine *e, const double *record, double x[3], int32_t
     const struct gr_cell nearest = nearest_cell(e, record);
     const int64_t clamped = e->clamped;
     int64_t at[3] = {0};
-    locate(e, record, at);
+    gr_locate_packed(e, record, at);
     for (int d = 0; d < 3; d++) x[d] = d < e->config.dim ? record[d] : 0;
     const int inside = gr_confine(e, x, at, nearest.at);
     e->clamped = clamped;
@@ -377,8 +290,8 @@ void gr_insert_new(struct gr_engine *e, double *record, int64_t id)
     int64_t at[3] = {0};
     e->points.n++;
     gr_tally_carry(e, record, 1);
-    locate(e, record, at);
-    int64_t to = find_cell(e, at, record);
+    gr_locate_packed(e, record, at);
+    int64_t to = gr_cell_of_packed(e, at, record);
     if (to == GR_TO_OUTSIDE) to = bring_back(e, &nearest, record);
     if (to != GR_TO_NOWHERE) insert(e, to, record, id);
 }
@@ -402,8 +315,8 @@ void gr_change_sides(struct gr_engine *e)
             for (int d = 0; d < e->config.dim; d++) x[d] = gr_x(e, d)[slot];
             if (gr_point_side(e, x, cell->side) == cell->side) continue;
             const int64_t id = e->points.id[slot];
-            pack(e, slot, record);
-            close_hole(e, cell, slot), s--;
+            gr_pack(e, slot, record);
+            gr_close_hole(e, cell, slot), s--;
             mark_changed(e, index);
             insert(e, e->mesh.other[index], record, id);
         }
@@ -432,10 +345,10 @@ int gr_replace_point(struct gr_engine *e, struct gr_migrants *list, int64_t inde
     if (same) return 0;
     list->from[k] = (struct gr_migrant){index, slot, 0};
     list->id[k] = e->points.id[slot];
-    pack(e, slot, list->record + k * e->points.n_components);
+    gr_pack(e, slot, list->record + k * e->points.n_components);
     list->count++;
-    address(e, list, k);
-    close_hole(e, cell, slot);
+    gr_address(e, list, k);
+    gr_close_hole(e, cell, slot);
     return 1;
 }
 
@@ -450,6 +363,6 @@ int gr_end_replacing(struct gr_engine *e, struct gr_migrants *list)
     }
     for (int l = 0; l < lists; l++) /* each takes its slot by itself: they are few */
         for (int64_t k = 0; k < list[l].count; k++)
-            if (list[l].from[k].to >= 0) list[l].from[k].slot = FULL;
+            if (list[l].from[k].to >= 0) list[l].from[k].slot = GR_NOT_PUT;
     return insert_rest(e, list, lists, homeless > 0);
 }

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "core/team.h"
-#include "mpm/numbers.h"
+#include "mpm/packing.h"
 
 /* The other side of a double cell. */
 static inline const struct gr_cell *gr_other_side(const struct gr_engine *e, const struct gr_cell *cell)
@@ -39,21 +39,6 @@ static inline const struct gr_cell *gr_next_of_fluidity(const struct gr_engine *
     for (const struct gr_cell *name = gr_next_of_fluidity(e, cell, NULL); name != NULL; \
          name = gr_next_of_fluidity(e, cell, name))
 
-/* Where a point goes that no active cell takes. */
-enum gr_destination { GR_TO_NO_CELL = -1, GR_TO_OUTSIDE = -2, GR_TO_NOWHERE = -3 };
-
-/* Empty a list. */
-static inline void gr_clear_migrants(struct gr_migrants *list)
-{
-    list->count = list->invalid = list->outside = list->homeless = 0;
-    list->lowest = INT64_MAX;
-    list->highest = INT64_MIN;
-}
-
-/* Pack the listed points from number `first` on: copy them out of their cells, close the gaps that they leave, and find
- * their new cells. */
-void gr_pack_migrants(struct gr_engine *e, struct gr_migrants *out, int64_t first);
-
 /* Insert the packed points into their new cells, in the order of the lists, by cells and slots. Points that leave through
  * an open side are dropped; points without a free slot become pending. Cells that gain points are listed in `dirty`. */
 int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists, struct gr_team *team);
@@ -68,9 +53,6 @@ void gr_insert_new(struct gr_engine *e, double *record, int64_t id);
 /* Where gr_insert_new would put a point. Set: its position, and its cell or, if it would be dropped, the one that is nearest.
  * Returned: whether it would be inside. */
 int gr_place_new(struct gr_engine *e, const double *record, double x[3], int32_t cell[3]);
-
-/* Find the cell of a packed point, or enum gr_destination. */
-int64_t gr_find_cell(const struct gr_engine *e, const double *record);
 
 /* Reserve memory for n packed points. share_out does it before the steps, so that none of them allocates. */
 int gr_reserve_pending(struct gr_engine *e, int64_t n);

@@ -1,15 +1,15 @@
-/* The motion of GR_LANES nodes at once, and the fields of an averaging of the density. Lanes beyond the last node have
- * entries that nothing reads. */
+/* The motion of a group of nodes at once, GR_LANES of them or fewer, and the fields of an averaging of the density. The last
+ * vector of a group may have lanes beyond the last node, whose entries nothing reads. */
 #include "mpm/grid.h"
 #include "mpm/smoothed_density.h"
 
-/* Motion of the nodes of a group from their sums, with gravity g. Nodes with hardly any mass are at rest; a NaN passes, and
- * is detected at the points. */
+/* Motion of the first `lanes` nodes of a group from their sums, with gravity g. Nodes with hardly any mass are at rest; a NaN
+ * passes, and is detected at the points. */
 GR_INLINE void move_group(const int dim, const int damps, const struct gr_engine *e, const double g[3], const double *sums,
-                          struct gr_node_motion *motion)
+                          int lanes, struct gr_node_motion *motion)
 {
     const vd cutoff = v_set(e->config.mass_cutoff), keep = v_set(e->keep_velocity), dt = v_set(e->clock.dt), zero = v_zero();
-    for (int lane = 0; lane < GR_LANES; lane += GR_W) {
+    for (int lane = 0; lane < lanes; lane += GR_W) {
         const vd m = v_load(sums + GR_SUM_MASS * GR_SUM_ROW + lane);
         const vm empty = v_ge(cutoff, m);
         vd damping = zero;
@@ -28,12 +28,12 @@ GR_INLINE void move_group(const int dim, const int damps, const struct gr_engine
     }
 }
 
-/* Store the motion of the nodes from `first` on for the points: v', and the update w. */
-GR_INLINE void store_group(const int dim, const int damps, struct gr_engine *e, int64_t first,
+/* Store the motion of so many nodes from `first` on for the points: v', and the update w. */
+GR_INLINE void store_group(const int dim, const int damps, struct gr_engine *e, int64_t first, int lanes,
                            const struct gr_node_motion *motion)
 {
     const vd order = v_set(e->config.xpic_order);
-    for (int lane = 0; lane < GR_LANES; lane += GR_W) {
+    for (int lane = 0; lane < lanes; lane += GR_W) {
         const int64_t n = first + lane;
         const vd damping = v_load(motion->damping + lane), keep = v_set(e->keep_velocity) - damping;
         if (damps) v_store(gr_node_field(e, GR_NODE_DAMPING(dim)) + n, damping);
@@ -56,10 +56,11 @@ GR_INLINE vd radius_of_nodes(const struct gr_engine *e, int64_t first)
 /* Store the fields of an averaging at the nodes from `first` on, except for those from the nodes around
  * (smoothed_density.h).
  * Given: their sums, and the volume of their points, as a mass of the first material. */
-GR_INLINE void describe_group(const int dim, struct gr_engine *e, int64_t first, const double *sums, const double *filled)
+GR_INLINE void describe_group(const int dim, struct gr_engine *e, int64_t first, int lanes, const double *sums,
+                              const double *filled)
 {
     const vd zero = v_zero(), one = v_set(1.0), two = v_set(2.0), cell_mass = v_set(e->cell_mass);
-    for (int lane = 0; lane < GR_LANES; lane += GR_W) {
+    for (int lane = 0; lane < lanes; lane += GR_W) {
         const double *sum = sums + GR_SUM_DENSITY(dim) * GR_SUM_ROW + lane;
         const vm empty = v_ge(v_set(e->config.mass_cutoff), v_load(sums + GR_SUM_MASS * GR_SUM_ROW + lane));
         const vd volume = v_load(e->mesh.node_volume + first + lane), m = v_load(filled + lane);
@@ -96,14 +97,14 @@ GR_INLINE vd of_places(const double *field, const int32_t *at)
  * fill, and 0 at others. The weights are 1/4, 1/2, 1/4 along each axis, times the radius of rings; a node that is not full counts with the gap of
  * the node itself. The gap of a single node has a noise of 0.03 to 0.04 with 4 points per cell, this mean one of 0.008.
  * Returned: a bit for each node that is inside. */
-GR_INLINE unsigned mean_gaps_of_group(const int dim, struct gr_engine *e, int64_t first)
+GR_INLINE unsigned mean_gaps_of_group(const int dim, struct gr_engine *e, int64_t first, int lanes)
 {
     const int n = gr_about(dim), middle = n / 2;
     const double *gap = gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP(dim));
     const double *const by_volume = e->bodies.open ? e->mesh.node_volume : e->mesh.node_radius;
     const vd least = v_set(GR_LEAST_GAP), closed = v_set(GR_CLOSED_GAP);
     unsigned inside = 0;
-    for (int lane = 0; lane < GR_LANES; lane += GR_W) {
+    for (int lane = 0; lane < lanes; lane += GR_W) {
         const int32_t *about = gr_about_node(e, first + lane);
         vd gaps[27], sum = v_zero(), weights = v_zero();
         for (int k = 0; k < n; k++) gaps[k] = of_places(gap, about + k * GR_LANES);
@@ -122,6 +123,10 @@ GR_INLINE unsigned mean_gaps_of_group(const int dim, struct gr_engine *e, int64_
         }
         if (by_volume) sum = sum / weights;
         v_store(gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_GAP) + first + lane, v_keep(full, sum));
+        /* subtract the mean weight with which volumes m/rho fill the volume of the node */
+        double *const weight = gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_WEIGHT) + first + lane;
+        const vd fills = v_set(1.0) - v_exp(-(gaps[middle] + v_set(e->servo_strain)));
+        v_store(weight, v_load(weight) + v_keep(m_and(full, v_gt(closed, gaps[middle])), fills));
         inside |= m_bits(full) << lane;
     }
     return inside;

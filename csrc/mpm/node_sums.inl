@@ -30,22 +30,32 @@ GR_INLINE void next_sum(struct numbers *at)
     at->before += at->before_apart;
 }
 
-/* The lanes from number `lane` on of a row that begins with a and b. */
-GR_INLINE vd two_numbers(int lane, gr_real a, gr_real b)
-{
 #if GR_W == 1
-    return v_set(lane ? b : a);
-#else
-    const vd v = {a, b};
-    (void)lane;
-    return v;
-#endif
+/* What an addend has for its node number `lane`. */
+GR_INLINE gr_real number_of(const struct numbers *at, const struct gr_addend *addend, int64_t lane)
+{
+    if (addend->apart) return (at->lanes[lane] + at->first[lane]) + at->before[lane];
+    if (!lane) return (at->lanes[0] + *at->first) + *at->before;
+    return lane == 1 ? at->lanes[1] + *at->second : at->lanes[lane];
 }
 
-/* Add n sums of an addend to its nodes, in rows of `out`. */
-GR_INLINE void add_addend(struct numbers at, const struct gr_addend *addend, int n, double *out)
+/* Add n sums of an addend to its nodes, in rows of `out`; as far as they are among the nodes [first, last), the first of
+ * which `out` begins with. */
+GR_INLINE void add_addend(struct numbers at, const struct gr_addend *addend, int n, int64_t first, int64_t last, double *out)
+{
+    const int64_t begin = first > addend->node ? first - addend->node : 0, left = last - addend->node,
+                  end = left < addend->n ? left : addend->n;
+    out += addend->node - first;
+    for (int q = 0; q < n; q++, out += GR_SUM_ROW, next_sum(&at))
+        for (int64_t lane = begin; lane < end; lane++) out[lane] = (gr_real)out[lane] + number_of(&at, addend, lane);
+}
+#else
+/* The same with whole vectors, also of nodes next to these. */
+GR_INLINE void add_addend(struct numbers at, const struct gr_addend *addend, int n, int64_t first, int64_t last, double *out)
 {
     const int nodes = addend->n;
+    (void)last;
+    out += addend->node - first;
     if (!addend->apart && nodes <= 2) {
         for (int q = 0; q < n; q++, out += GR_SUM_ROW, next_sum(&at)) {
             out[0] = (gr_real)out[0] + ((at.lanes[0] + *at.first) + *at.before);
@@ -59,11 +69,12 @@ GR_INLINE void add_addend(struct numbers at, const struct gr_addend *addend, int
             if (addend->apart)
                 v = (v + v_load(at.first + lane)) + v_load(at.before + lane);
             else if (lane < 2)
-                v = (v + two_numbers(lane, *at.first, *at.second)) + two_numbers(lane, *at.before, 0);
+                v = (v + (vd){*at.first, *at.second}) + (vd){*at.before, 0};
             if (nodes < lane + GR_W) v = v_keep(m_of_bits((1u << (nodes - lane)) - 1), v);
             v_store(out + lane, v_load(out + lane) + v);
         }
 }
+#endif
 
 enum { AHEAD = 2 }; /* addends that are fetched before they are needed; more was not tried */
 
@@ -103,7 +114,7 @@ GR_INLINE void sum_block(const int k, const int n, const struct gr_engine *e, en
             const struct gr_addend *addend = &e->mesh.addend[i];
             if (addend->node >= last) break;
             if (e->out_of_cache && i + AHEAD < list[row + 1]) fetch_addend(e, &of, addend + AHEAD, n);
-            add_addend(numbers_of(e, &of, addend), addend, n, out + (addend->node - first));
+            add_addend(numbers_of(e, &of, addend), addend, n, first, last, out);
         }
     }
 }

@@ -17,7 +17,7 @@ enum { PARTS_2D = 8, PARTS_3D = 4, MOST_PARTS = 8 };
 
 int gr_open_volume_new(struct gr_engine *e, int64_t n_cells, int64_t n_nodes)
 {
-    e->bodies.open = calloc(1, sizeof *e->bodies.open);
+    e->bodies.open = gr_calloc(1, sizeof *e->bodies.open);
     if (!e->bodies.open) return GR_ERR_MEMORY;
     return gr_table_new(&e->bodies.open->place, n_nodes) || gr_table_new(&e->bodies.open->part_of, n_cells) ? GR_ERR_MEMORY
                                                                                                             : GR_OK;
@@ -28,11 +28,11 @@ void gr_open_volume_free(struct gr_open_volume *open)
     if (!open) return;
     gr_table_free(&open->place);
     gr_table_free(&open->part_of);
-    free(open->part);
-    free(open->solid);
-    free(open->slope);
-    free(open->id);
-    free(open);
+    gr_free(open->part);
+    gr_free(open->solid);
+    gr_free(open->slope);
+    gr_free(open->id);
+    gr_free(open);
 }
 
 /* Signed distance from the nearest body, and its normal. */
@@ -58,11 +58,11 @@ static int64_t place_of(struct gr_engine *e, int64_t id)
     if (k >= 0) return k;
     if (open->n == open->capacity) {
         const int64_t n = 2 * open->capacity + 256;
-        void *solid = realloc(open->solid, sizeof(double) * (size_t)n);
+        void *solid = gr_realloc(open->solid, sizeof(double) * (size_t)n);
         if (solid) open->solid = solid;
-        void *slope = realloc(open->slope, sizeof(double) * (size_t)(n * dim));
+        void *slope = gr_realloc(open->slope, sizeof(double) * (size_t)(n * dim));
         if (slope) open->slope = slope;
-        void *ids = realloc(open->id, sizeof(int64_t) * (size_t)n);
+        void *ids = gr_realloc(open->id, sizeof(int64_t) * (size_t)n);
         if (ids) open->id = ids;
         if (!solid || !slope || !ids) return -1;
         open->capacity = n;

@@ -267,6 +267,12 @@ GR_INLINE int most_points(const struct gr_engine *e, int64_t first, int n)
     return most;
 }
 
+/* True if all parts of a tile are worked on, and no cell of it has points. */
+GR_INLINE int is_empty_tile(const struct gr_engine *e, int64_t tile, const struct gr_parts parts)
+{
+    return parts.last - parts.first == GR_VECTORS && !most_points(e, tile * GR_LANES, GR_LANES);
+}
+
 /* Begin a pass over the cells of a tile. The members that are not set are set before they are read. */
 GR_INLINE void begin_pass(const struct gr_engine *e, enum gr_group_of_sums group, int64_t tile, int stream,
                           struct pass *pass)
@@ -350,22 +356,22 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
     if (averages) v_store(gr_cell_sums(e, first, GR_CELL_FILLED), filled);
 }
 
-/* P2G of the points of a tile. */
+/* P2G of the points of a tile, or of parts of one whose lanes are runs by themselves. */
 GR_INLINE void p2g_points(const int dim, const int basis, const int affine, const int smoothed, struct gr_engine *e,
-                          int64_t tile)
+                          int64_t tile, const struct gr_parts parts)
 {
     const int k = gr_nodes_1d(basis), n_rows = gr_power(k, dim) / k, stream = e->out_of_cache;
     /* with the density next to sleeping cells, too: these sums are not made again when they are needed */
     const int averages = smoothed && (e->sums.averages || (e->sleep && gr_lanes_asleep(e, tile)));
     struct p2g_passes passes;
-    if (!most_points(e, tile * GR_LANES, GR_LANES)) {
+    if (is_empty_tile(e, tile, parts)) {
         clear_sums(e, tile);
         return;
     }
     begin_pass(e, GR_SUMS_OF_MOTION, tile, stream, &passes.motion);
     begin_pass(e, GR_SUMS_OF_DENSITY, tile, stream, &passes.density); /* always, or compilers warn of what is not set */
     begin_pass(e, GR_SUMS_OF_VOLUME, tile, stream, &passes.volume);
-    for (int part = 0; part < GR_VECTORS; part++) p2g_cells(dim, basis, affine, smoothed, e, tile, part, averages, &passes);
+    GR_EACH_PART(part, parts) p2g_cells(dim, basis, affine, smoothed, e, tile, part, averages, &passes);
     store_ends(k, n_rows, &passes.motion, 0, GR_SUM_DAMPED(dim));
     if (averages) store_ends(k, n_rows, &passes.density, 0, GR_DENSITY_SUMS(dim));
     if (averages && e->own_volumes) store_ends(k, n_rows, &passes.volume, 0, GR_VOLUME_SUMS);

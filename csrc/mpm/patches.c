@@ -28,14 +28,14 @@ static int64_t place_of(const struct gr_patches *patches, int32_t solid, const i
 static int grow(struct gr_patches *patches)
 {
     const int64_t capacity = patches->capacity ? 2 * patches->capacity : FIRST;
-    int64_t *place = calloc((size_t)(2 * capacity), sizeof *place);
+    int64_t *place = gr_calloc((size_t)(2 * capacity), sizeof *place);
     if (!place) return GR_ERR_MEMORY;
-    struct gr_patch *patch = realloc(patches->patch, sizeof *patch * (size_t)capacity);
+    struct gr_patch *patch = gr_realloc(patches->patch, sizeof *patch * (size_t)capacity);
     if (!patch) {
-        free(place);
+        gr_free(place);
         return GR_ERR_MEMORY;
     }
-    free(patches->place);
+    gr_free(patches->place);
     patches->patch = patch, patches->capacity = capacity;
     patches->place = place, patches->n_places = 2 * capacity;
     for (int64_t k = 0; k < patches->n; k++) place[place_of(patches, patch[k].solid, patch[k].at)] = k + 1;
@@ -45,9 +45,9 @@ static int grow(struct gr_patches *patches)
 int gr_watch_patches(struct gr_engine *e)
 {
     if (!e->watch || e->watch->patches) return GR_ERR_CONFIG;
-    struct gr_patches *patches = calloc(1, sizeof *patches);
+    struct gr_patches *patches = gr_calloc(1, sizeof *patches);
     if (!patches || grow(patches)) {
-        free(patches);
+        gr_free(patches);
         return GR_ERR_MEMORY;
     }
     e->watch->patches = patches;
@@ -57,9 +57,9 @@ int gr_watch_patches(struct gr_engine *e)
 void gr_patches_free(struct gr_patches *patches)
 {
     if (!patches) return;
-    free(patches->patch);
-    free(patches->place);
-    free(patches);
+    gr_free(patches->patch);
+    gr_free(patches->place);
+    gr_free(patches);
 }
 
 int gr_patch_at(struct gr_patches *patches, int32_t solid, const int32_t at[3], struct gr_patch **patch)

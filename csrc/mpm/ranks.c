@@ -239,7 +239,7 @@ static int find_peers(struct gr_engine *e, int distance)
     struct gr_ranks *ranks = e->ranks;
     const int64_t *n = ranks->n_blocks;
     const int here = ranks->transport.rank;
-    char *is_peer = calloc((size_t)ranks->transport.size, 1);
+    char *is_peer = gr_calloc((size_t)ranks->transport.size, 1);
     int rank[GR_MOST_NEAR];
     if (!is_peer) return GR_ERR_MEMORY;
     for (int k = 0; k < ranks->transport.size; k++) is_peer[k] = !ranks->edge && k != here;
@@ -257,11 +257,11 @@ static int find_peers(struct gr_engine *e, int distance)
         }
     }
     for (int k = 0; k < ranks->transport.size; k++) ranks->n_peers += is_peer[k];
-    ranks->peer = calloc((size_t)ranks->n_peers + 1, sizeof *ranks->peer);
-    ranks->message = calloc((size_t)ranks->n_peers + 1, sizeof *ranks->message);
+    ranks->peer = gr_calloc((size_t)ranks->n_peers + 1, sizeof *ranks->peer);
+    ranks->message = gr_calloc((size_t)ranks->n_peers + 1, sizeof *ranks->message);
     for (int k = 0, p = 0; ranks->peer && k < ranks->transport.size; k++)
         if (is_peer[k]) ranks->peer[p++].rank = k;
-    free(is_peer);
+    gr_free(is_peer);
     return ranks->peer && ranks->message ? GR_OK : GR_ERR_MEMORY;
 }
 
@@ -270,7 +270,7 @@ static int number_cells(struct gr_engine *e)
 {
     for (int d = 0; d < e->config.dim; d++) {
         const struct gr_axis *axis = &e->axis[d];
-        int32_t *cell = e->ranks->cell_of_number[d] = calloc((size_t)axis->n_nodes, sizeof *cell);
+        int32_t *cell = e->ranks->cell_of_number[d] = gr_calloc((size_t)axis->n_nodes, sizeof *cell);
         if (!cell) return GR_ERR_MEMORY;
         for (int64_t i = axis->n_nodes - 1; i >= 0; i--) {
             const struct gr_node_cells *cells = &e->cells_of_node[d][i];
@@ -299,15 +299,15 @@ int gr_ranks_new(struct gr_engine *e, const struct gr_transport *transport, int 
     for (int d = 0; d < 3; d++) blocks *= gr_ranks_blocks(e, d, edge);
     for (int64_t b = 0; b < blocks; b++)
         if (owner[b] < 0 || owner[b] >= transport->size) return GR_ERR_CONFIG;
-    struct gr_ranks *ranks = e->ranks = calloc(1, sizeof *ranks);
+    struct gr_ranks *ranks = e->ranks = gr_calloc(1, sizeof *ranks);
     if (!ranks) return GR_ERR_MEMORY;
     ranks->transport = *transport;
     ranks->reach = reach, ranks->farther = farther;
     ranks->edge = edge;
     for (int d = 0; d < 3; d++) ranks->n_blocks[d] = gr_ranks_blocks(e, d, edge);
     for (int d = 0; d < 3; d++) ranks->n_cells[d] = d < e->config.dim ? e->axis[d].n_cells : 1;
-    ranks->owner = malloc(sizeof *ranks->owner * (size_t)blocks);
-    ranks->pose = calloc((size_t)e->config.n_bodies + 1, sizeof *ranks->pose);
+    ranks->owner = gr_malloc(sizeof *ranks->owner * (size_t)blocks);
+    ranks->pose = gr_calloc((size_t)e->config.n_bodies + 1, sizeof *ranks->pose);
     if (!ranks->owner || !ranks->pose) return GR_ERR_MEMORY;
     memcpy(ranks->owner, owner, sizeof *ranks->owner * (size_t)blocks);
     return number_cells(e) ? GR_ERR_MEMORY : find_peers(e, farther + 1);
@@ -317,20 +317,20 @@ void gr_ranks_free(struct gr_ranks *ranks)
 {
     if (!ranks) return;
     for (int k = 0; ranks->peer && k < ranks->n_peers; k++) {
-        free(ranks->peer[k].own);
-        free(ranks->peer[k].ghost);
-        free(ranks->peer[k].out);
-        free(ranks->peer[k].in);
-        free(ranks->peer[k].leaving.sum);
-        free(ranks->peer[k].arriving.sum);
+        gr_free(ranks->peer[k].own);
+        gr_free(ranks->peer[k].ghost);
+        gr_free(ranks->peer[k].out);
+        gr_free(ranks->peer[k].in);
+        gr_free(ranks->peer[k].leaving.sum);
+        gr_free(ranks->peer[k].arriving.sum);
     }
-    for (int d = 0; d < 3; d++) free(ranks->cell_of_number[d]);
+    for (int d = 0; d < 3; d++) gr_free(ranks->cell_of_number[d]);
     void *const owned[] = {ranks->owner,  ranks->peer,    ranks->message, ranks->number,  ranks->arrival,
                            ranks->record, ranks->staged,  ranks->id,      ranks->order,   ranks->staged_id,
                            ranks->part,   ranks->sharing, ranks->taken,   ranks->entered, ranks->fluidity.foreign,
                            ranks->pose};
-    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
-    free(ranks);
+    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) gr_free(owned[k]);
+    gr_free(ranks);
 }
 
 /* ---- The cells of others ---- */
@@ -368,11 +368,11 @@ int gr_ranks_list_occupied(struct gr_engine *e, const int64_t *own, int64_t n, i
         error = gr_ranks_reserve(ranks, p, peer->n_leaving * size, peer->n_arriving * size);
         others += peer->n_arriving;
     }
-    list = error ? NULL : malloc((size_t)((n + others + 1) * size));
+    list = error ? NULL : gr_malloc((size_t)((n + others + 1) * size));
     error = gr_ranks_agree(e, error || list ? error : GR_ERR_MEMORY, NULL, 0);
     if (!error) error = gr_ranks_exchange(e);
     if (error) {
-        free(list);
+        gr_free(list);
         return error;
     }
     memcpy(list, own, (size_t)(n * size));
@@ -385,7 +385,7 @@ int gr_ranks_list_occupied(struct gr_engine *e, const int64_t *own, int64_t n, i
     for (int64_t k = n; k < at && !error; k++)
         if (list[k] < 0 || list[k] >= cells) error = GR_ERR_TRANSPORT;
     if (error) {
-        free(list);
+        gr_free(list);
         return error;
     }
     if (others) qsort(list, (size_t)at, sizeof *list, gr_compare_ids);

@@ -2,7 +2,6 @@
 #include "mpm/sleep.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/memory.h"
@@ -13,17 +12,17 @@
 int gr_sleep_new(struct gr_engine *e)
 {
     if (!(e->config.scheme.sleep_speed > 0)) return GR_OK;
-    e->sleep = calloc(1, sizeof *e->sleep);
+    e->sleep = gr_calloc(1, sizeof *e->sleep);
     return e->sleep ? GR_OK : GR_ERR_MEMORY;
 }
 
 void gr_sleep_free(struct gr_sleep *sleep)
 {
     if (!sleep) return;
-    free(sleep->use);
-    free(sleep->restless);
-    free(sleep->tile_rests);
-    free(sleep);
+    gr_free(sleep->use);
+    gr_free(sleep->restless);
+    gr_free(sleep->tile_rests);
+    gr_free(sleep);
 }
 
 int gr_sleep_begin(struct gr_engine *e)

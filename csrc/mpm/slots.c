@@ -1,6 +1,6 @@
 #include "mpm/slots.h"
+#include "core/memory.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 /* One row more than the fullest cell has points: a tile that needs more gets them when it does, while spare rows of all
@@ -35,17 +35,17 @@ struct gr_column {
 int gr_reserve_moves(struct gr_moves *moves)
 {
     const size_t n = (size_t)moves->used;
-    moves->from = malloc(sizeof *moves->from * (n + 1));
-    moves->scratch = malloc(sizeof(double) * (2 * n + 1));
-    moves->columns = malloc(sizeof *moves->columns * ((size_t)moves->e->points.n_components + 1));
+    moves->from = gr_malloc(sizeof *moves->from * (n + 1));
+    moves->scratch = gr_malloc(sizeof(double) * (2 * n + 1));
+    moves->columns = gr_malloc(sizeof *moves->columns * ((size_t)moves->e->points.n_components + 1));
     return moves->from && moves->scratch && moves->columns ? GR_OK : GR_ERR_MEMORY;
 }
 
 void gr_free_moves(struct gr_moves *moves)
 {
-    free(moves->from);
-    free(moves->scratch);
-    free(moves->columns);
+    gr_free(moves->from);
+    gr_free(moves->scratch);
+    gr_free(moves->columns);
 }
 
 /* Copy the numbers of a column for the slots [first, last) in their new order. */

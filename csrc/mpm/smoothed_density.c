@@ -47,8 +47,6 @@ static void complete(const int dim, struct gr_engine *e, int64_t n, int inside)
     const int closed = !(gap < GR_CLOSED_GAP);
     if (closed) density_field(e, GR_NODE_GAP)[n] = 0;
     if (closed && e->bodies.open) density_field(e, GR_NODE_EXCESS)[n] = excess_about(e, n);
-    if (inside && !closed) /* subtract the mean weight with which volumes m/rho fill the volume of the node */
-        density_field(e, GR_NODE_WEIGHT)[n] += 1 - exp(-(gap + e->servo_strain));
     const double radius = e->mesh.node_radius ? e->mesh.node_radius[n] : 1;
     const int balanced = inside && (cut < 0 || e->mesh.node_volume[n] > LEAST_BALANCED * radius);
     for (int d = 0; d < dim; d++) {
@@ -59,12 +57,12 @@ static void complete(const int dim, struct gr_engine *e, int64_t n, int inside)
     }
 }
 
-void gr_grid_surroundings(struct gr_engine *e, const struct gr_kernels *kernels, int64_t first_group, int64_t last_group)
+void gr_grid_surroundings(struct gr_engine *e, const struct gr_kernels *kernels, int64_t first, int64_t last)
 {
-    for (int64_t first = first_group * GR_LANES; first < last_group * GR_LANES; first += GR_LANES) {
-        if (gr_group_rests(e, first)) continue;
-        const unsigned inside = kernels->mean_gaps(e, first);
-        for (int l = 0; l < GR_LANES && first + l < e->mesh.n_nodes; l++)
-            complete(e->config.dim, e, first + l, inside >> l & 1u);
+    for (int64_t n = first; n < last; n += GR_LANES) {
+        if (gr_group_rests(e, n)) continue;
+        const int lanes = last - n < GR_LANES ? (int)(last - n) : GR_LANES;
+        const unsigned inside = kernels->mean_gaps(e, n, lanes);
+        for (int l = 0; l < lanes; l++) complete(e->config.dim, e, n + l, inside >> l & 1u);
     }
 }

@@ -21,4 +21,4 @@
  * The gap is averaged over them. The mean quadrature weight is reduced by the weight that fills the volume. The residual
  * force is used only inside the material, where a uniform pressure should make no force; elsewhere it is the force on the
  * surface, or a wall balances it. */
-void gr_grid_surroundings(struct gr_engine *e, const struct gr_kernels *kernels, int64_t first_group, int64_t last_group);
+void gr_grid_surroundings(struct gr_engine *e, const struct gr_kernels *kernels, int64_t first, int64_t last);

@@ -57,7 +57,7 @@ static int find_given(struct spread *s, int64_t n)
     s->n_given = 0;
     for (int64_t k = 0; k < n; k++)
         if (s->cell[k] >= end) end = (s->cell[k] / s->n_x[0] + 1) * s->n_x[0], s->n_given++;
-    s->given = malloc(sizeof *s->given * (size_t)(s->n_given + 1));
+    s->given = gr_malloc(sizeof *s->given * (size_t)(s->n_given + 1));
     if (!s->given) return GR_ERR_MEMORY;
     end = -1, s->n_given = 0;
     for (int64_t k = 0; k < n; k++)
@@ -184,12 +184,12 @@ int gr_spread(const struct gr_engine *e, enum gr_spread what, const int64_t *cel
     int error = GR_ERR_MEMORY;
     *n_out = 0;
     if (find_given(&s, n)) goto out;
-    leads = s.lead = malloc(sizeof *leads * (2 * most * (size_t)s.n_given + 1));
+    leads = s.lead = gr_malloc(sizeof *leads * (2 * most * (size_t)s.n_given + 1));
     if (!leads) goto out;
     list_leads(&s);
-    s.row = malloc(sizeof *s.row * (size_t)(s.n_leads + 1));
+    s.row = gr_malloc(sizeof *s.row * (size_t)(s.n_leads + 1));
     if (!s.row) goto out;
-    s.bits = malloc(sizeof *s.bits * (size_t)(list_rows(&s) + 1));
+    s.bits = gr_malloc(sizeof *s.bits * (size_t)(list_rows(&s) + 1));
     if (!s.bits) goto out;
     set_bits(&s);
     for (int64_t r = 0; r < s.n_rows; r++) {
@@ -197,15 +197,15 @@ int gr_spread(const struct gr_engine *e, enum gr_spread what, const int64_t *cel
         s.row[r].begin = *n_out;
         *n_out += count;
     }
-    s.out = malloc(sizeof *s.out * (size_t)(*n_out + 1));
+    s.out = gr_malloc(sizeof *s.out * (size_t)(*n_out + 1));
     if (!s.out) goto out;
     read_bits(&s);
     *out = s.out;
     error = GR_OK;
 out:
-    free(s.given);
-    free(leads);
-    free(s.row);
-    free(s.bits);
+    gr_free(s.given);
+    gr_free(leads);
+    gr_free(s.row);
+    gr_free(s.bits);
     return error;
 }

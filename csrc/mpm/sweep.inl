@@ -4,13 +4,14 @@
 /* P2G of a tile with the density of the scheme, and the mean fluidity of its cells. The mean of a double cell follows when it
  * is known whether its sides are separated (mean_pairs). */
 GR_INLINE void p2g_tile(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
-                        struct gr_engine *e, int64_t tile)
+                        struct gr_engine *e, int64_t tile, const struct gr_parts parts)
 {
     if (cell_averaged)
-        p2g_averaged(dim, affine, e, tile);
+        p2g_averaged(dim, affine, e, tile, parts);
     else
-        p2g_points(dim, basis, affine, smoothed, e, tile);
-    for (int part = 0; e->nonlocal.fluidity && part < GR_VECTORS; part++) means_of_cells(e, tile * GR_LANES + part * GR_W);
+        p2g_points(dim, basis, affine, smoothed, e, tile, parts);
+    if (!e->nonlocal.fluidity) return;
+    GR_EACH_PART(part, parts) means_of_cells(e, tile * GR_LANES + part * GR_W);
 }
 
 /* Number of points of a tile that are not asleep. */
@@ -91,12 +92,12 @@ struct moved {
 };
 
 /* Add the plastic shear strain of the step to that of the points of a tile. */
-GR_INLINE void add_shear_strain(struct gr_engine *e, int64_t tile)
+GR_INLINE void add_shear_strain(struct gr_engine *e, int64_t tile, const struct gr_parts parts)
 {
     const struct gr_cell *cell = &e->mesh.cell[tile * GR_LANES];
     const vd dt = v_set(e->clock.dt);
-    for (int32_t row = 0; row < cell->capacity; row++)
-        for (int part = 0; part < GR_VECTORS; part++) {
+    for (int32_t row = 0; row < cell->capacity; row++) GR_EACH_PART(part, parts)
+        {
             const int64_t at = gr_slot(cell, row) + part * GR_W;
             gr_real *const strain = gr_numbers(e, GR_FIELD_shear_strain, 0, at);
             v_store(strain, v_load(strain) + dt * component(e, GR_FIELD_shear_rate, 0, at));
@@ -108,11 +109,12 @@ GR_INLINE void end_tiles(const int dim, const int basis, const int affine, const
                          struct gr_engine *e, struct moved *moved, struct gr_migrants *out, int fused)
 {
     if (moved->batch.n) run_law(e, &moved->batch, 0);
-    for (int64_t k = 0; e->points.field[GR_FIELD_shear_strain] && k < moved->n; k++) add_shear_strain(e, moved->tile[k]);
+    for (int64_t k = 0; e->points.field[GR_FIELD_shear_strain] && k < moved->n; k++)
+        add_shear_strain(e, moved->tile[k], GR_ALL_PARTS);
     if (out->count > moved->packed) gr_pack_migrants(e, out, moved->packed);
     moved->packed = out->count;
     for (int64_t k = 0; fused && k < moved->n; k++)
-        p2g_tile(dim, basis, affine > 0, smoothed, cell_averaged, e, moved->tile[k]);
+        p2g_tile(dim, basis, affine > 0, smoothed, cell_averaged, e, moved->tile[k], GR_ALL_PARTS);
     moved->n = 0;
 }
 
@@ -135,9 +137,10 @@ GR_INLINE void sweep_tiles(const int dim, const int basis, const int affine, con
             keep_points(e, tile, asleep, out->record + out->count * e->points.n_components, 0);
         }
         struct gr_migrant *migrant = out->from + out->count;
-        int64_t left = averages
-                           ? g2p_tile(dim, basis, affine, smoothed, cell_averaged, smoothed, e, tile, &moved.batch, migrant)
-                           : g2p_tile(dim, basis, affine, smoothed, cell_averaged, 0, e, tile, &moved.batch, migrant);
+        int64_t left = averages ? g2p_tile(dim, basis, affine, smoothed, cell_averaged, smoothed, e, tile, GR_ALL_PARTS,
+                                           &moved.batch, migrant)
+                                : g2p_tile(dim, basis, affine, smoothed, cell_averaged, 0, e, tile, GR_ALL_PARTS,
+                                           &moved.batch, migrant);
         if (asleep) {
             if (moved.batch.n) run_law(e, &moved.batch, 0);
             keep_points(e, tile, asleep, out->record + out->count * e->points.n_components, 1);

@@ -1,7 +1,7 @@
 /* Which cells are a tile (tiles.h). */
 #include "mpm/tiles.h"
+#include "core/memory.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 #include "mpm/cell_sums.h"
@@ -12,9 +12,9 @@ static int order_layers(struct gr_tiles *tiles, const int64_t *cells, const int8
 {
     const size_t size = (size_t)n + 1;
     int64_t at = 0;
-    tiles->side = malloc(size * sizeof *tiles->side);
-    tiles->other = malloc(size * sizeof *tiles->other);
-    tiles->lane = malloc(size * sizeof *tiles->lane);
+    tiles->side = gr_malloc(size * sizeof *tiles->side);
+    tiles->other = gr_malloc(size * sizeof *tiles->other);
+    tiles->lane = gr_malloc(size * sizeof *tiles->lane);
     if (!tiles->side || !tiles->other || !tiles->lane) return GR_ERR_MEMORY;
     for (int behind = 0; behind < 2; behind++) {
         for (int64_t k = 0; k < n; k++) {
@@ -63,7 +63,7 @@ static int find_runs(struct gr_tiles *tiles, const struct gr_engine *e, int64_t 
         joins |= joined << l;
         runs += !joined;
     }
-    if (runs * e->sums.of_run >= e->sums.of_apart || is_shared(tiles, e, first, n)) joins = 0;
+    if (runs * e->sums.of_run >= e->sums.of_apart || e->device || is_shared(tiles, e, first, n)) joins = 0;
     tiles->joins[tile] = (uint8_t)joins;
     return e->sums.of_lanes + (joins ? runs * e->sums.of_run : e->sums.of_apart);
 }
@@ -72,9 +72,9 @@ int gr_make_tiles(struct gr_tiles *tiles, const struct gr_engine *e, const int64
 {
     tiles->n_cells = tiles->n_front = n;
     const size_t n_tiles = (size_t)gr_number_of_tiles(tiles);
-    tiles->cell = malloc(((size_t)n + 1) * sizeof *tiles->cell);
-    tiles->joins = malloc(n_tiles + 1);
-    tiles->block = malloc((n_tiles + 1) * sizeof *tiles->block);
+    tiles->cell = gr_malloc(((size_t)n + 1) * sizeof *tiles->cell);
+    tiles->joins = gr_malloc(n_tiles + 1);
+    tiles->block = gr_malloc((n_tiles + 1) * sizeof *tiles->block);
     if (!tiles->cell || !tiles->joins || !tiles->block) return GR_ERR_MEMORY;
     if (!sides)
         memcpy(tiles->cell, cells, (size_t)n * sizeof *cells);
@@ -89,10 +89,10 @@ int gr_make_tiles(struct gr_tiles *tiles, const struct gr_engine *e, const int64
 
 void gr_free_tiles(struct gr_tiles *tiles)
 {
-    free(tiles->cell);
-    free(tiles->side);
-    free(tiles->other);
-    free(tiles->lane);
-    free(tiles->joins);
-    free(tiles->block);
+    gr_free(tiles->cell);
+    gr_free(tiles->side);
+    gr_free(tiles->other);
+    gr_free(tiles->lane);
+    gr_free(tiles->joins);
+    gr_free(tiles->block);
 }

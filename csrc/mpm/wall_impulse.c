@@ -1,8 +1,8 @@
 /* Impulses of the material on the walls (wall_impulse.h). */
 #include "mpm/wall_impulse.h"
+#include "core/memory.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "mpm/pose.h"
@@ -29,14 +29,14 @@ int gr_watch_walls(struct gr_engine *e, int n_walls, const struct gr_wall_share 
 {
     const int64_t n_codes = gr_map_size(&e->config.node_codes);
     if (!shares_are_valid(e, n_walls, share, n_shares, code, n_codes)) return GR_ERR_CONFIG;
-    struct gr_wall_watch *watch = calloc(1, sizeof *watch);
+    struct gr_wall_watch *watch = gr_calloc(1, sizeof *watch);
     if (!watch) return GR_ERR_MEMORY;
     watch->n_walls = n_walls, watch->n_shares = n_shares;
-    watch->share = malloc(sizeof *share * (size_t)n_shares);
-    watch->step = calloc((size_t)n_walls * GR_WALL_NUMBERS + 1, sizeof(double));
-    watch->total = calloc((size_t)n_walls * GR_WALL_NUMBERS + 1, sizeof(double));
-    watch->sum = calloc((size_t)gr_wall_sums(watch), sizeof *watch->sum);
-    watch->code = malloc(sizeof *code * (size_t)n_codes);
+    watch->share = gr_malloc(sizeof *share * (size_t)n_shares);
+    watch->step = gr_calloc((size_t)n_walls * GR_WALL_NUMBERS + 1, sizeof(double));
+    watch->total = gr_calloc((size_t)n_walls * GR_WALL_NUMBERS + 1, sizeof(double));
+    watch->sum = gr_calloc((size_t)gr_wall_sums(watch), sizeof *watch->sum);
+    watch->code = gr_malloc(sizeof *code * (size_t)n_codes);
     if (!watch->share || !watch->step || !watch->total || !watch->sum || !watch->code) {
         gr_watch_free(watch);
         return GR_ERR_MEMORY;
@@ -71,13 +71,13 @@ int gr_watch_servo(struct gr_engine *e, const struct gr_servo *servo)
 void gr_watch_free(struct gr_wall_watch *watch)
 {
     if (!watch) return;
-    free(watch->code);
-    free(watch->share);
-    free(watch->node);
-    free(watch->step);
-    free(watch->total);
-    free(watch->sum);
-    free(watch);
+    gr_free(watch->code);
+    gr_free(watch->share);
+    gr_free(watch->node);
+    gr_free(watch->step);
+    gr_free(watch->total);
+    gr_free(watch->sum);
+    gr_free(watch);
 }
 
 const struct gr_wall_share *gr_wall_share_of(const struct gr_engine *e, int64_t n, int32_t at[3])

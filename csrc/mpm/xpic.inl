@@ -34,11 +34,11 @@ GR_INLINE void smooth_cells(const int dim, const int basis, struct gr_engine *e,
     }
 }
 
-GR_INLINE void smooth_tile(const int dim, const int basis, struct gr_engine *e, int64_t tile)
+GR_INLINE void smooth_tile(const int dim, const int basis, struct gr_engine *e, int64_t tile, const struct gr_parts parts)
 {
     const int k = gr_nodes_1d(basis), n_rows = gr_power(k, dim) / k;
     struct pass pass;
     begin_pass(e, GR_SUMS_OF_MOTION, tile, 0, &pass);
-    for (int part = 0; part < GR_VECTORS; part++) smooth_cells(dim, basis, e, tile, part, &pass);
+    GR_EACH_PART(part, parts) smooth_cells(dim, basis, e, tile, part, &pass);
     store_ends(k, n_rows, &pass, 0, GR_SUM_FORCE(dim)); /* the forces are not summed */
 }

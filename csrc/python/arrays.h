@@ -75,7 +75,8 @@ struct gr_tables {
 
 /* The configuration that keyword arguments describe; it points into them and into `tables`. Returned: 0, or -1 with
  * an exception set. */
-int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, struct gr_tables *tables, const char **isa);
+int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, struct gr_tables *tables, const char **isa,
+                    const char **device);
 
 /* declarations.c: functions of the module. */
 PyObject *gr_python_scheme_numbers(PyObject *module, PyObject *unused);

@@ -1,6 +1,11 @@
 #include "python/engine_common.h"
 
 #include <math.h>
+#include <string.h>
+
+#include "gpu/device.h"
+#include "kernels.h"
+#include "mpm/engine.h"
 
 void gr_free_object(struct gr_object *self)
 {
@@ -83,6 +88,18 @@ const struct gr_kernels *gr_take_kernels(const char *isa)
     const struct gr_kernels *kernels = gr_kernels_select(isa);
     if (!kernels) PyErr_Format(PyExc_ValueError, "instruction set \"%s\" is not available on this machine", isa);
     return kernels;
+}
+
+int gr_take_device(struct gr_object *self, const char *device)
+{
+    struct gr_engine *e = self->engine;
+    const char *const lacking = gr_device_lacks(&e->config);
+    if (!*device) return 0;
+    if (strcmp(device, "emulated")) return gr_refuse("there is no device \"%s\"; there is \"emulated\"", device);
+    if (lacking) return gr_refuse("the device \"%s\" does not have %s", device, lacking);
+    const int error = gr_device_new(&e->device, gr_in_precision(self->kernels, e->config.single)->threads);
+    if (error) gr_raise(error, NULL);
+    return error ? -1 : 0;
 }
 
 PyObject *gr_python_scalars(const struct gr_object *self, const struct gr_scalar *table, int n)

@@ -50,6 +50,10 @@ void gr_keep_buffers(struct gr_object *self, PyArrayObject *const *arrays);
 /* The arguments of advance(max_steps, until, threads). Returned: 0, or -1 with an exception set. */
 int gr_take_run(PyObject *args, long long *max_steps, double *until, int *threads);
 
+/* Give an engine of the material point method the device of this name; none for an empty one. Returned: 0, or -1 with an
+ * exception set. */
+int gr_take_device(struct gr_object *self, const char *device);
+
 /* The kernels of an instruction set. Returned: NULL with ValueError set if this machine has not got it. */
 const struct gr_kernels *gr_take_kernels(const char *isa);
 

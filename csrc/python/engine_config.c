@@ -231,7 +231,8 @@ static int take_materials(struct gr_config *c, PyObject *list)
     return 0;
 }
 
-int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, struct gr_tables *tables, const char **isa)
+int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, struct gr_tables *tables, const char **isa,
+                    const char **device)
 {
     static char *names[] = {"dim",
                             "basis",
@@ -244,6 +245,7 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
                             "pressure_from_density",
                             "materials",
                             "isa",
+                            "device",
                             "axes",
                             "walls",
                             "node_codes",
@@ -265,11 +267,11 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
     const char *method, *stencil;
     PyObject *materials, *axes, *walls, *codes, *flags, *times, *vectors;
     PyObject *numbers, *of_scheme, *of_density, *of_fluidity, *faces, *bodies;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiiiiOsOOOOOOO!O!O!O!ssOO", names, &c.dim, &c.basis, &transfer,
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiiiiOssOOOOOOO!O!O!O!ssOO", names, &c.dim, &c.basis, &transfer,
                                      &density, &c.single, &c.axisymmetric, &c.averaging_interval, &c.flutter_interval,
-                                     &c.pressure_from_density, &materials, isa, &axes, &walls, &codes, &flags, &times,
-                                     &vectors, &PyDict_Type, &numbers, &PyDict_Type, &of_scheme, &PyDict_Type, &of_density,
-                                     &PyDict_Type, &of_fluidity, &method, &stencil, &faces, &bodies))
+                                     &c.pressure_from_density, &materials, isa, device, &axes, &walls, &codes, &flags,
+                                     &times, &vectors, &PyDict_Type, &numbers, &PyDict_Type, &of_scheme, &PyDict_Type,
+                                     &of_density, &PyDict_Type, &of_fluidity, &method, &stencil, &faces, &bodies))
         return -1;
     if (c.dim < 2 || c.dim > 3 || c.basis < 0 || c.basis >= GR_BASIS_COUNT || transfer < 0 ||
         transfer >= GR_TRANSFER_COUNT || density < 0 || density >= GR_DENSITY_COUNT)

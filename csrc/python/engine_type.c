@@ -40,8 +40,9 @@ static int engine_init(struct gr_object *self, PyObject *args, PyObject *kwargs)
     struct gr_config config;
     struct gr_tables tables;
     struct gr_engine *e;
-    const char *isa;
-    if (gr_parse_config(args, kwargs, &config, &tables, &isa) || gr_begin_object(self, isa)) return -1;
+    const char *isa, *device;
+    if (gr_parse_config(args, kwargs, &config, &tables, &isa, &device)) return -1;
+    if (gr_begin_object(self, *device ? "one_lane" : isa)) return -1;
     /* the tables of the shapes of bodies, and the functions of laws */
     Py_XSETREF(self->borrowed, Py_BuildValue("(NN)", PyList_AsTuple(PyDict_GetItemString(kwargs, "bodies")),
                                              PyList_AsTuple(PyDict_GetItemString(kwargs, "materials"))));
@@ -54,7 +55,7 @@ static int engine_init(struct gr_object *self, PyObject *args, PyObject *kwargs)
         self->components[f] = gr_config_uses(&e->config, f) ? gr_field_components(f, config.dim) : 0;
         self->type[f] = gr_is_double(&e->config, f) ? NPY_DOUBLE : NPY_FLOAT;
     }
-    return refuse_diffusion(e);
+    return refuse_diffusion(e) || gr_take_device(self, device) ? -1 : 0;
 }
 
 static void engine_dealloc(struct gr_object *self)

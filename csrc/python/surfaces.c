@@ -114,9 +114,9 @@ struct owned_tree {
 static void free_owned(struct owned_tree *owned)
 {
     gr_triangles_free(owned->tree);
-    free((void *)owned->tables.vertex);
-    free((void *)owned->tables.face);
-    free(owned);
+    gr_free(owned->tables.vertex);
+    gr_free(owned->tables.face);
+    gr_free(owned);
 }
 
 static void free_tree(PyObject *capsule) { free_owned(PyCapsule_GetPointer(capsule, TREE)); }
@@ -132,7 +132,7 @@ PyObject *gr_python_mesh_tree(PyObject *Py_UNUSED(module), PyObject *args)
     const npy_intp n = PyArray_DIM(face, 0);
     if (n < 1 || n > INT32_MAX / 3) return PyErr_Format(PyExc_ValueError, "faces must be 1 to 7e8, not %zd", n);
     if (refuse_indices("faces", face, PyArray_DIM(vertex, 0))) return NULL;
-    struct owned_tree *owned = calloc(1, sizeof *owned);
+    struct owned_tree *owned = gr_calloc(1, sizeof *owned);
     if (!owned) return PyErr_NoMemory();
     owned->tables = (struct gr_triangles){
         .n_vertices = PyArray_DIM(vertex, 0), .n_faces = n, .vertex = PyArray_DATA(vertex), .face = PyArray_DATA(face)};

@@ -2,7 +2,6 @@
 #include "sph/sph.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/memory.h"
@@ -55,7 +54,7 @@ static double slow_sound2(const double *p)
 
 int gr_sph_new(struct gr_sph **out, const struct gr_sph_config *config, int lanes)
 {
-    struct gr_sph *s = *out = calloc(1, sizeof *s);
+    struct gr_sph *s = *out = gr_calloc(1, sizeof *s);
     int error = GR_OK;
     if (!s) return GR_ERR_MEMORY;
     s->config = *config, s->lanes = lanes;
@@ -63,7 +62,7 @@ int gr_sph_new(struct gr_sph **out, const struct gr_sph_config *config, int lane
     error |= gr_own((const void **)&s->config.gravity_vectors, sizeof(double) * (size_t)(config->n_gravity * config->dim));
     if (!error) error = divide(s);
     for (int k = 0; k < 3 && !error; k++) {
-        s->start[k] = malloc(sizeof(int32_t) * (size_t)(s->n_cells + 2));
+        s->start[k] = gr_malloc(sizeof(int32_t) * (size_t)(s->n_cells + 2));
         if (!s->start[k]) error = GR_ERR_MEMORY;
     }
     if (!error) {
@@ -79,7 +78,7 @@ int gr_sph_new(struct gr_sph **out, const struct gr_sph_config *config, int lane
 static void free_places(struct gr_sph *s)
 {
     void *owned[] = {s->lump, s->sorted, s->sorted_id, s->cell, s->order, s->block};
-    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
+    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) gr_free(owned[k]);
     s->lump = s->sorted = NULL, s->sorted_id = NULL, s->cell = s->order = NULL, s->block = NULL;
     s->stride = 0;
     gr_sph_free_gas_places(s);
@@ -93,8 +92,8 @@ void gr_sph_free(struct gr_sph *s)
     gr_sph_free_inflow(s);
     void *owned[] = {(void *)s->config.gravity_times, (void *)s->config.gravity_vectors, s->start[0], s->start[1],
                      s->start[2]};
-    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
-    free(s);
+    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) gr_free(owned[k]);
+    gr_free(s);
 }
 
 /* Allocate the memory of the engine per row: nine numbers, three indices, and two for sorting. */
@@ -102,9 +101,9 @@ static int make_places(struct gr_sph *s, int64_t capacity)
 {
     const size_t n = (size_t)capacity;
     free_places(s);
-    double *numbers = s->lump = calloc(9 * n, sizeof *numbers);
-    s->sorted = malloc(n * sizeof *s->sorted), s->sorted_id = malloc(4 * n * sizeof *s->sorted_id);
-    s->cell = malloc(n * sizeof *s->cell), s->order = malloc(n * sizeof *s->order);
+    double *numbers = s->lump = gr_calloc(9 * n, sizeof *numbers);
+    s->sorted = gr_malloc(n * sizeof *s->sorted), s->sorted_id = gr_malloc(4 * n * sizeof *s->sorted_id);
+    s->cell = gr_malloc(n * sizeof *s->cell), s->order = gr_malloc(n * sizeof *s->order);
     if (!numbers || !s->sorted || !s->sorted_id || !s->cell || !s->order || gr_sph_make_gas_places(s, capacity) ||
         gr_sph_make_inflow_places(s, capacity)) {
         free_places(s);

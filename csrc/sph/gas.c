@@ -1,8 +1,8 @@
 /* The gas of SPH: its memory, its time step, and the jets that drive it. */
 #include "sph/gas.h"
+#include "core/memory.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "sph/sph.h"
@@ -10,7 +10,7 @@
 int gr_sph_take_gas(struct gr_sph *s, const double *parameter, int n_jets, const struct gr_sph_jet *jets)
 {
     if (n_jets < 0 || n_jets > GR_SPH_MAX_JETS || s->gas || s->id) return GR_ERR_CONFIG;
-    s->gas = calloc(1, sizeof *s->gas);
+    s->gas = gr_calloc(1, sizeof *s->gas);
     if (!s->gas) return GR_ERR_MEMORY;
     memcpy(s->gas->parameter, parameter, sizeof s->gas->parameter);
     s->gas->n_jets = n_jets;
@@ -22,15 +22,15 @@ int gr_sph_take_gas(struct gr_sph *s, const double *parameter, int n_jets, const
 void gr_sph_free_gas_places(struct gr_sph *s)
 {
     if (!s->gas) return;
-    free(s->gas->volume);
-    free(s->gas->end);
+    gr_free(s->gas->volume);
+    gr_free(s->gas->end);
     s->gas->volume = NULL, s->gas->end = NULL;
 }
 
 void gr_sph_free_gas(struct gr_sph *s)
 {
     gr_sph_free_gas_places(s);
-    free(s->gas);
+    gr_free(s->gas);
     s->gas = NULL;
 }
 
@@ -40,8 +40,8 @@ int gr_sph_make_gas_places(struct gr_sph *s, int64_t capacity)
     const size_t n = (size_t)capacity;
     if (!gas) return GR_OK;
     gr_sph_free_gas_places(s);
-    double *numbers = gas->volume = calloc(15 * n, sizeof *numbers);
-    gas->end = calloc(n, sizeof *gas->end);
+    double *numbers = gas->volume = gr_calloc(15 * n, sizeof *numbers);
+    gas->end = gr_calloc(n, sizeof *gas->end);
     if (!numbers || !gas->end) return GR_ERR_MEMORY;
     gas->pull = numbers + n, gas->own_pull = numbers + 2 * n, gas->per_mass = numbers + 3 * n, gas->load = numbers + 4 * n;
     for (int k = 0; k < 3; k++) gas->push[k] = numbers + (size_t)(5 + k) * n, gas->drag[k] = numbers + (size_t)(8 + k) * n;

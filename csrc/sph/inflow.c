@@ -2,7 +2,6 @@
 #include "sph/inflow.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/memory.h"
@@ -31,7 +30,7 @@ static int add(struct gr_sph_inflow *inflow, const struct gr_inlet *inlet, const
 int gr_sph_add_inlet(struct gr_sph *s, const struct gr_inlet *inlet, const struct gr_sph_box *box)
 {
     if (!is_valid(s, inlet, box)) return GR_ERR_CONFIG;
-    if (!s->inflow) s->inflow = calloc(1, sizeof *s->inflow);
+    if (!s->inflow) s->inflow = gr_calloc(1, sizeof *s->inflow);
     if (!s->inflow) return GR_ERR_MEMORY;
     const int error = add(s->inflow, inlet, box, gr_sph_row_count(s));
     if (error && !(s->inflow->inlets && s->inflow->inlets->n_inlets)) gr_sph_free_inflow(s);
@@ -40,8 +39,8 @@ int gr_sph_add_inlet(struct gr_sph *s, const struct gr_inlet *inlet, const struc
 
 static void free_places(struct gr_sph_inflow *inflow)
 {
-    free(inflow->held);
-    free(inflow->by);
+    gr_free(inflow->held);
+    gr_free(inflow->by);
     inflow->held = inflow->by = NULL, inflow->n_held = 0;
 }
 
@@ -50,8 +49,8 @@ void gr_sph_free_inflow(struct gr_sph *s)
     if (!s->inflow) return;
     free_places(s->inflow);
     gr_inlets_free(s->inflow->inlets);
-    free(s->inflow->box);
-    free(s->inflow);
+    gr_free(s->inflow->box);
+    gr_free(s->inflow);
     s->inflow = NULL;
 }
 
@@ -60,8 +59,8 @@ int gr_sph_make_inflow_places(struct gr_sph *s, int64_t capacity)
     struct gr_sph_inflow *inflow = s->inflow;
     if (!inflow) return GR_OK;
     free_places(inflow);
-    inflow->held = malloc(sizeof *inflow->held * (size_t)capacity);
-    inflow->by = malloc(sizeof *inflow->by * (size_t)capacity);
+    inflow->held = gr_malloc(sizeof *inflow->held * (size_t)capacity);
+    inflow->by = gr_malloc(sizeof *inflow->by * (size_t)capacity);
     return inflow->held && inflow->by ? GR_OK : GR_ERR_MEMORY;
 }
 

@@ -1,9 +1,9 @@
 /* Neighbour search: the points are sorted by cell, and the neighbours of each are listed as blocks of rows. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/index.h"
+#include "core/memory.h"
 #include "core/simd.h"
 #include "sph/gas.h"
 #include "sph/inflow.h"
@@ -264,9 +264,9 @@ int64_t gr_sph_list_blocks(struct gr_sph *s, int64_t first, int64_t last)
 int gr_sph_widen(struct gr_sph *s, int64_t needed)
 {
     const int64_t stride = needed + needed / 4 + 4; /* it grows a few times at the start of a run only */
-    struct gr_block *wider = malloc(sizeof *wider * (size_t)(stride * s->capacity));
+    struct gr_block *wider = gr_malloc(sizeof *wider * (size_t)(stride * s->capacity));
     if (!wider) return GR_ERR_MEMORY;
-    free(s->block);
+    gr_free(s->block);
     s->block = wider, s->stride = stride;
     return GR_OK;
 }

@@ -1,8 +1,8 @@
 /* Small scenes for the tests (scene.h). */
 #include "tests/scene.h"
+#include "core/memory.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "kernels.h"
@@ -80,7 +80,7 @@ int64_t scene_grid_nodes(const struct scene *s)
 
 void scene_codes(struct scene *s)
 {
-    if (!s->codes) s->codes = calloc((size_t)scene_grid_nodes(s), 1);
+    if (!s->codes) s->codes = gr_calloc((size_t)scene_grid_nodes(s), 1);
 }
 
 void scene_face(struct scene *s, int axis, int high, uint8_t row)
@@ -146,8 +146,8 @@ int scene_build(struct scene *s, int64_t n, double low, double high)
     s->capacity = 4 * n + 64 * 40;
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         if (gr_config_uses(c, f))
-            s->field[f] = calloc((size_t)(s->capacity * gr_field_components(f, c->dim)), sizeof(double));
-    s->id = malloc(sizeof(int64_t) * (size_t)s->capacity);
+            s->field[f] = gr_calloc((size_t)(s->capacity * gr_field_components(f, c->dim)), sizeof(double));
+    s->id = gr_malloc(sizeof(int64_t) * (size_t)s->capacity);
     for (int64_t k = 0; k < s->capacity; k++) s->id[k] = -1;
     fill(s, n, low, high);
     narrow(s);
@@ -161,20 +161,20 @@ int scene_grow(struct scene *s)
     const int64_t capacity = s->engine->migration.needed_capacity;
     double *field[GR_FIELD_COUNT] = {0};
     int short_of = 0;
-    int64_t *id = malloc(sizeof(int64_t) * (size_t)capacity);
+    int64_t *id = gr_malloc(sizeof(int64_t) * (size_t)capacity);
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         if (s->field[f]) {
-            field[f] = calloc((size_t)(capacity * gr_field_components(f, s->config.dim)), sizeof(double));
+            field[f] = gr_calloc((size_t)(capacity * gr_field_components(f, s->config.dim)), sizeof(double));
             short_of |= !field[f];
         }
     for (int f = 0; f < GR_FIELD_COUNT; f++) {
         for (int c = 0; !short_of && s->field[f] && c < gr_field_components(f, s->config.dim); c++)
             memcpy(field[f] + c * capacity, s->field[f] + c * s->capacity, sizeof(double) * (size_t)s->capacity);
-        free(s->field[f]);
+        gr_free(s->field[f]);
         s->field[f] = field[f];
     }
     for (int64_t k = 0; id && k < capacity; k++) id[k] = k < s->capacity ? s->id[k] : -1;
-    free(s->id);
+    gr_free(s->id);
     s->id = id;
     s->capacity = capacity;
     scene_bind(s);
@@ -184,9 +184,9 @@ int scene_grow(struct scene *s)
 void scene_free(struct scene *s)
 {
     gr_engine_free(s->engine);
-    for (int f = 0; f < GR_FIELD_COUNT; f++) free(s->field[f]);
-    free(s->id);
-    free(s->codes);
+    for (int f = 0; f < GR_FIELD_COUNT; f++) gr_free(s->field[f]);
+    gr_free(s->id);
+    gr_free(s->codes);
     memset(s, 0, sizeof *s);
 }
 

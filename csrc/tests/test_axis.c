@@ -1,8 +1,8 @@
 /* Tests of core/axis.c: the shape functions of one axis, against their sum rules and the Cox-de Boor recursion. */
 #include "core/axis.h"
+#include "core/memory.h"
 
 #include <stdint.h>
-#include <stdlib.h>
 
 #include "core/error.h"
 #include "mpm/shape.h"
@@ -317,7 +317,7 @@ TEST(cells_of_nodes)
                 }
                 CHECK_NEAR(sum, axis.node_integral[n], 1e-15);
             }
-            free(of);
+            gr_free(of);
             gr_axis_free(&axis);
         }
 }

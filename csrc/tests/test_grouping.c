@@ -1,6 +1,5 @@
 /* Tests of mpm/grouping.c: properties of the mesh and the points after a regrouping. */
 #include <stddef.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "mpm/migrate.h"

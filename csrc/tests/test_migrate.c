@@ -1,7 +1,7 @@
 /* Tests of mpm/migrate.c: points that cross cells, periodic ends, and closed and open sides. */
 #include "mpm/migrate.h"
+#include "core/memory.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 #include "mpm/tally.h"
@@ -106,18 +106,18 @@ enum { LIST = 400 };
 /* A list with the capacity for LIST points of the scene. */
 static struct gr_migrants list_new(const struct scene *s)
 {
-    struct gr_migrants list = {.from = malloc(sizeof(struct gr_migrant) * LIST),
-                               .record = malloc(sizeof(double) * (size_t)((LIST + 1) * s->engine->points.n_components)),
-                               .id = malloc(sizeof(int64_t) * (LIST + 1))};
+    struct gr_migrants list = {.from = gr_malloc(sizeof(struct gr_migrant) * LIST),
+                               .record = gr_malloc(sizeof(double) * (size_t)((LIST + 1) * s->engine->points.n_components)),
+                               .id = gr_malloc(sizeof(int64_t) * (LIST + 1))};
     gr_clear_migrants(&list);
     return list;
 }
 
 static void list_free(struct gr_migrants *list)
 {
-    free(list->from);
-    free(list->record);
-    free(list->id);
+    gr_free(list->from);
+    gr_free(list->record);
+    gr_free(list->id);
 }
 
 /* Put the listed points into other cells by hand, and migrate. */

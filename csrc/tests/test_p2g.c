@@ -1,5 +1,6 @@
 /* Tests of mpm/p2g.inl: properties of the nodal sums that hold for any points. */
 #include "mpm/cell_sums.h"
+#include "core/memory.h"
 #include "tests/check.h"
 #include "tests/scene.h"
 
@@ -160,13 +161,13 @@ TEST(streamed_sums_are_the_same)
             CHECK(gr_p2g(e, kernels) == GR_OK);
             CHECK((uintptr_t)e->sums.data % 64 == 0);
             const size_t size = gr_bytes_of_sums(e, e->mesh.tile_block[e->mesh.n_tiles] - GR_FIRST_BLOCK);
-            void *stored = malloc(size);
+            void *stored = gr_malloc(size);
             memcpy(stored, gr_sums_of_tile(e, 0), size);
             memset(gr_sums_of_tile(e, 0), 255, size);
             e->out_of_cache = 1;
             CHECK(gr_p2g(e, kernels) == GR_OK);
             CHECK(!memcmp(stored, gr_sums_of_tile(e, 0), size));
-            free(stored);
+            gr_free(stored);
             scene_free(&s);
         }
     }

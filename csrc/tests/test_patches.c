@@ -1,5 +1,6 @@
 /* Tests of mpm/patches.c: the list grows, and finds each patch again. The sums of patches are tested from Python. */
 #include "mpm/patches.h"
+#include "core/memory.h"
 
 #include <string.h>
 
@@ -17,10 +18,10 @@ static void watched(struct scene *s)
     scene_seed(3);
     scene_default(s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
     CHECK(scene_build(s, 10, 0.2, 0.8) == GR_OK);
-    int32_t *code = calloc((size_t)scene_grid_nodes(s), sizeof *code);
+    int32_t *code = gr_calloc((size_t)scene_grid_nodes(s), sizeof *code);
     CHECK(code);
     CHECK(gr_watch_walls(s->engine, 0, &nobody, 1, code) == GR_OK);
-    free(code);
+    gr_free(code);
 }
 
 TEST(each_patch_is_found_again)

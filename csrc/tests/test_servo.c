@@ -1,7 +1,6 @@
 /* Tests of mpm/servo.c: refused input, the direction and the limit of the motion, equal bits for any number of threads. */
 #include "mpm/servo.h"
-
-#include <stdlib.h>
+#include "core/memory.h"
 
 #include "mpm/wall_impulse.h"
 #include "tests/check.h"
@@ -23,10 +22,10 @@ static void box(struct scene *s, int basis, int smoothed, int cell_averaged)
     scene_face(s, UP, 1, 1);
     CHECK(scene_build(s, POINTS, 0.01, 0.99) == GR_OK);
     const int64_t n = scene_grid_nodes(s);
-    int32_t *code = malloc(sizeof *code * (size_t)n);
+    int32_t *code = gr_malloc(sizeof *code * (size_t)n);
     for (int64_t k = 0; k < n; k++) code[k] = s->codes[k];
     CHECK(gr_watch_walls(s->engine, 1, share, 2, code) == GR_OK);
-    free(code);
+    gr_free(code);
 }
 
 static struct gr_servo servo(double pressure)

@@ -2,7 +2,6 @@
 #include "sph/sph.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/simd.h"

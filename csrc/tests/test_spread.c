@@ -1,7 +1,7 @@
 /* Tests of mpm/spread.c: against marks in arrays of the whole grid. */
 #include "mpm/spread.h"
+#include "core/memory.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 #include "tests/check.h"
@@ -52,7 +52,7 @@ static void compare(void *context, struct gr_team *team)
     for (int64_t i = 0; i < NODES; i++)
         if (marks[i]) wrong += expected >= n || out[expected] != i, expected++;
     CHECK(n == expected && !wrong);
-    free(out);
+    gr_free(out);
 }
 
 TEST(as_one_by_one)

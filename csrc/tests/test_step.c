@@ -1,8 +1,6 @@
 /* Tests of mpm/step.c: equal bits for any number of threads, the clock, and runs that fail. */
 #include "engine/stable_dt.h"
 
-#include <stdlib.h>
-
 #include "tests/check.h"
 #include "tests/scene.h"
 

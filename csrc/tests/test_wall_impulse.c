@@ -1,5 +1,6 @@
 /* Tests of mpm/wall_impulse.c: the walls gain the momentum that the points lose. */
 #include "mpm/wall_impulse.h"
+#include "core/memory.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -46,10 +47,10 @@ static int watch(struct scene *s, double changes_at)
     struct gr_wall_share own[4];
     memcpy(own, shares, sizeof own);
     own[1].opens_at = changes_at, own[1].after = 3;
-    int32_t *code = malloc(sizeof *code * (size_t)n);
+    int32_t *code = gr_malloc(sizeof *code * (size_t)n);
     for (int64_t k = 0; code && k < n; k++) code[k] = s->codes[k];
     const int error = code ? gr_watch_walls(s->engine, OWNERS, own, 4, code) : GR_ERR_MEMORY;
-    free(code);
+    gr_free(code);
     return error;
 }
 
@@ -171,7 +172,7 @@ TEST(refuses)
     struct scene s;
     between_walls(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0, INFINITY);
     struct gr_wall_share own[4];
-    int32_t *code = calloc((size_t)scene_grid_nodes(&s), sizeof *code);
+    int32_t *code = gr_calloc((size_t)scene_grid_nodes(&s), sizeof *code);
     CHECK(code);
 #define REFUSED(change)                                                         \
     do {                                                                        \
@@ -190,7 +191,7 @@ TEST(refuses)
     REFUSED(code[3] = 4);
     REFUSED(code[3] = -1);
 #undef REFUSED
-    free(code);
+    gr_free(code);
     CHECK(go(&s, 1) == GR_OK);
     CHECK(watch(&s, INFINITY) == GR_ERR_CONFIG); /* the nodes have no memory for impulses any more */
     scene_free(&s);

@@ -188,13 +188,16 @@ def _axes(scene: Scene) -> tuple[_core.AxisRow, ...]:
     )
 
 
-def build(scene: Scene, mean_mass: float, isa: str = "", *, runs: bool = True) -> _core.Engine:
+def build(
+    scene: Scene, mean_mass: float, isa: str = "", device: str = "", *, runs: bool = True
+) -> _core.Engine:
     """Make the engine of a scene, without points; one that `runs` has the code of its laws.
 
     Raises
     ------
     ValueError
-        If the time step exceeds its limit, or the scheme cannot be built.
+        If the time step exceeds its limit, the scheme cannot be built, or the device does not have
+        a part of the scene.
     """
     check_time_step(scene)
     check_blades(scene)
@@ -212,6 +215,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "", *, runs: bool = True) -
         pressure_from_density=int(scheme.density.name != "particle"),
         materials=[_material_row(scene, material, runs) for material in scene.materials],
         isa=isa,
+        device=device,
         axes=_axes(scene),
         walls=[WallRow(), *rows],
         node_codes=codes,

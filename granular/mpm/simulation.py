@@ -37,10 +37,11 @@ from granular.record import Checkpoint
 from granular.record.fresh import Streamed
 from granular.record.layout import Rows
 from granular.run import diagnostics, simulation
+from granular.run.machine import Machine
 from granular.run.monitor import Energies
 from granular.run.restarts import LARGEST, LEAST, check_range
 from granular.tools.arrays import BoolArray, IntArray
-from granular.tools.buffers import allocate, check_stored, default_isa, fill
+from granular.tools.buffers import allocate, check_stored, fill
 from granular.tools.checks import positive, truth
 
 CARRIED = frozenset(
@@ -77,7 +78,7 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
 
     Parameters
     ----------
-    scene, threads, isa, force
+    scene, threads, isa, device, force
         As of `granular.Simulation`.
     wall_forces : bool
         Add up the impulses on the walls and blocks of the scene, see `walls`. Frames of records and
@@ -97,17 +98,19 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         *,
         threads: int | None = None,
         isa: str | None = None,
+        device: str | None = None,
         force: bool = False,
         wall_forces: bool = False,
         tractions: bool = False,
         comm: None = None,  # with processes it is another class
     ) -> None:
         wall_forces = truth("tractions", tractions) or truth("wall_forces", wall_forces)
+        machine = Machine(threads, isa, device)
         memory.check(scene, force)
         check_overlaps(scene)
         diagnostics.warn(scene)
         parts = list(core.initial_parts(scene))
-        self._build(scene, core.mean_mass(scene, parts), threads, isa, wall_forces, tractions)
+        self._build(scene, core.mean_mass(scene, parts), machine, wall_forces, tractions)
         self._buffers = core.initial_buffers(self._engine, parts)
         n = sum(len(part["mass"]) for part in parts)
         del parts
@@ -121,13 +124,12 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         self,
         scene: Scene,
         mean_mass: float,
-        threads: int | None,
-        isa: str | None,
+        machine: Machine,
         wall_forces: bool,
         tractions: bool,
     ) -> None:
-        engine = core.build(scene, mean_mass, default_isa() if isa is None else isa)
-        self._start(scene, engine, threads)
+        engine = core.build(scene, mean_mass, machine.kernels, machine.device or "")
+        self._start(scene, engine, machine)
         self._user_laws = [m.function() for m in scene.materials if isinstance(m, OwnLaw)]
         self._watches_walls = scene.moves_walls or (wall_forces and bool(scene.walls))
         if self._watches_walls or tractions:
@@ -350,11 +352,9 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         return scalars, {**arrays, **self._besides_points()}
 
     @classmethod
-    def _filled(
-        cls, scene: Scene, checkpoint: Checkpoint, threads: int | None, isa: str | None
-    ) -> Self:
+    def _filled(cls, scene: Scene, checkpoint: Checkpoint, machine: Machine) -> Self:
         self = object.__new__(cls)
-        self._build_restored(scene, checkpoint, threads, isa)
+        self._build_restored(scene, checkpoint, machine)
         n = len(checkpoint.arrays.get("id", ()))
         self._buffers = allocate(self._engine, n)
         arrays = self._checked(checkpoint)
@@ -365,15 +365,13 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         self._engine.restore(scalars)
         return self
 
-    def _build_restored(
-        self, scene: Scene, checkpoint: Checkpoint, threads: int | None, isa: str | None
-    ) -> None:
+    def _build_restored(self, scene: Scene, checkpoint: Checkpoint, machine: Machine) -> None:
         """Build the core for a checkpoint, without points."""
         if "mean_mass" not in checkpoint.scalars:
             raise ValueError("the checkpoint has no mean_mass: it is not one of a simulation")
         mean_mass = positive("mean_mass of the checkpoint", checkpoint.scalars["mean_mass"])
         patches = stored_patches(checkpoint.arrays) is not None
-        self._build(scene, mean_mass, threads, isa, "walls" in checkpoint.arrays, patches)
+        self._build(scene, mean_mass, machine, "walls" in checkpoint.arrays, patches)
 
     def _checked(self, checkpoint: Checkpoint) -> dict[str, NDArray]:
         """Return the arrays of a checkpoint; ValueError if they do not fit the scene."""

@@ -15,6 +15,7 @@ from granular.mpm.patches import in_order
 from granular.mpm.scene import Scene
 from granular.mpm.simulation import Simulation
 from granular.ranks.communicator import Communicator, Link, LostRankError
+from granular.run.machine import Machine
 from granular.tools.arrays import IntArray
 from granular.tools.buffers import allocate, stored_type
 
@@ -32,10 +33,8 @@ class Plan:
         The scene of the run.
     mean_mass : float
         Mean mass of its points at the start [kg].
-    threads : int or None
-        Threads of each rank.
-    isa : str
-        Instruction set of the kernels.
+    machine : Machine
+        Threads of each rank, and the instruction set of the kernels.
     wall_forces, tractions : bool
         Whether the impulses on walls are added up, and those on patches of walls and bodies.
     edge : int
@@ -46,8 +45,7 @@ class Plan:
 
     scene: Scene
     mean_mass: float
-    threads: int | None
-    isa: str
+    machine: Machine
     wall_forces: bool
     tractions: bool
     edge: int = 0
@@ -245,7 +243,7 @@ def bare(plan: Plan) -> Simulation:
     """Return a simulation without points."""
     simulation: Simulation = object.__new__(Simulation)
     watches = plan.wall_forces, plan.tractions
-    simulation._build(plan.scene, plan.mean_mass, plan.threads, plan.isa, *watches)
+    simulation._build(plan.scene, plan.mean_mass, plan.machine, *watches)
     return simulation
 
 

@@ -26,16 +26,20 @@ from granular.ranks.team import attend, team_of
 from granular.record import Checkpoint
 from granular.record.layout import Rows
 from granular.run import diagnostics
+from granular.run.machine import Machine
 from granular.run.restarts import check_numbers
 from granular.run.running import default_threads
 from granular.tools.arrays import BoolArray, IntArray
-from granular.tools.buffers import default_isa, stored_type
+from granular.tools.buffers import stored_type
 from granular.tools.checks import positive, truth
 
 BALANCED = 20
 """Calls of the core, of about a twentieth of a second each, after which the division of the
 points is checked."""
 
+
+ALONE = "processes share runs on processors alone"
+"""Why a device is refused."""
 
 AT_ONCE = 1 << 19
 """Points of a restart that are handed out at a time."""
@@ -104,10 +108,13 @@ class RankedSimulation(Simulation, shares=Simulation):
         comm: Any,
         threads: int | None = None,
         isa: str | None = None,
+        device: None = None,
         force: bool = False,
         wall_forces: bool = False,
         tractions: bool = False,
     ) -> None:
+        machine = Machine(threads, isa, device)
+        machine.refuse_device(ALONE)
         ranks = attend(comm)
         wall_forces = truth("tractions", tractions) or truth("wall_forces", wall_forces)
         memory.check(scene, force, ranks.on_this_machine / ranks.size)
@@ -116,8 +123,7 @@ class RankedSimulation(Simulation, shares=Simulation):
         plan = Plan(
             scene=scene,
             mean_mass=1.0,  # for an engine that is asked for places alone
-            threads=threads,
-            isa=isa or default_isa(),
+            machine=machine,
             wall_forces=wall_forces,
             tractions=tractions,
         )
@@ -150,19 +156,18 @@ class RankedSimulation(Simulation, shares=Simulation):
         ranks: Communicator,
         scene: Scene,
         checkpoint: Checkpoint,
-        threads: int | None,
-        isa: str | None,
+        machine: Machine,
     ) -> RankedSimulation:
+        machine.refuse_device(ALONE)
         check_numbers(checkpoint)
         empty: Simulation = object.__new__(Simulation)
-        empty._build_restored(scene, checkpoint, threads, isa)
+        empty._build_restored(scene, checkpoint, machine)
         arrays = empty._checked(checkpoint)
         scalars = dict(checkpoint.scalars)
         plan = Plan(
             scene=scene,
             mean_mass=float(scalars.pop("mean_mass")),
-            threads=threads,
-            isa=empty.isa,
+            machine=replace(machine, isa=empty.isa),
             wall_forces=empty._watches_walls,
             tractions=empty._has_tractions,
         )
@@ -195,8 +200,9 @@ class RankedSimulation(Simulation, shares=Simulation):
         size = ranks.size
         edge, owners = weights.divided(size)
         available = default_threads(empty.scene.dim) // ranks.on_this_machine
-        threads = plan.threads or max(available, 1)
-        plan = replace(plan, threads=threads, edge=edge, owners=owners)
+        threads = plan.machine.threads or max(available, 1)
+        machine = replace(plan.machine, threads=threads)
+        plan = replace(plan, machine=machine, edge=edge, owners=owners)
         self._team = team_of(ranks)
         self._number = self._team.number()
         weakref.finalize(self, self._team.close, self._number)
@@ -219,7 +225,7 @@ class RankedSimulation(Simulation, shares=Simulation):
         self._counts = self._tell_each(
             "begin", [(scalars and scalars | more, besides) for more in counts]
         )
-        self._start(plan.scene, self._part.simulation._engine, threads)
+        self._start(plan.scene, self._part.simulation._engine, machine)
         self._mean_mass = plan.mean_mass
         self._watches_walls = self._part.simulation._watches_walls
         self._has_tractions = plan.tractions

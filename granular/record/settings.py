@@ -139,14 +139,25 @@ def frames_to_a_checkpoint(checkpoints: object) -> int:
     return integer("checkpoints", checkpoints, 1)
 
 
+SAME_BITS = ("one_lane", "avx2", "avx512")
+"""Instruction sets with which a run has the same bits."""
+
+
 def usable_isa(isa: str | None, path: Path) -> str | None:
-    """Return the instruction set of a record, or None with a warning if the machine lacks it."""
+    """Return the instruction set with which a recorded run goes on to the last bit.
+
+    It is that of the machine if it has the bits of the recorded one, else the recorded one; or None
+    with a warning if the machine lacks both.
+    """
     if isa is None:
         return None
+    available = _core.build_info(default_isa())["isa"]
+    if isa in SAME_BITS and available in SAME_BITS:
+        return available
     try:
         return _core.build_info(isa)["isa"]
     except ValueError:
-        available = _core.build_info(default_isa())["isa"]
+        pass
     warnings.warn(
         f"{path} was made with the instruction set {isa!r}, which this machine does not have: the "
         f"run continues with {available!r}, not to the last bit as if it had never stopped",

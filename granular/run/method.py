@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from granular.model.typing import AnyScene
     from granular.record.checkpoint import Checkpoint
     from granular.record.layout import Rows
+    from granular.run.machine import Machine
     from granular.run.monitor import Energies, Monitor
     from granular.tools.arrays import BoolArray
 
@@ -82,19 +83,15 @@ class Method(Resource):
         raise NotImplementedError
 
     @classmethod
-    def _restored(
-        cls, scene: Any, checkpoint: Checkpoint, threads: int | None, isa: str | None
-    ) -> Self:
+    def _restored(cls, scene: Any, checkpoint: Checkpoint, machine: Machine) -> Self:
         """Return a simulation in the state of a checkpoint whose numbers are checked first."""
         check_numbers(checkpoint)
-        sim = cls._filled(scene, checkpoint, threads, isa)
+        sim = cls._filled(scene, checkpoint, machine)
         sim._monitor.restore(checkpoint.arrays, checkpoint.step)
         return sim
 
     @classmethod
-    def _filled(
-        cls, scene: Any, checkpoint: Checkpoint, threads: int | None, isa: str | None
-    ) -> Self:
+    def _filled(cls, scene: Any, checkpoint: Checkpoint, machine: Machine) -> Self:
         """Return a simulation in the state of a checkpoint."""
         raise NotImplementedError
 

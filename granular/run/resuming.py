@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,11 +12,11 @@ from granular.record import open_trajectory
 from granular.record.layout import reading
 from granular.record.settings import check_alike, settings_of, usable_isa
 from granular.run.monitor import unwatched
-from granular.tools.buffers import default_isa
-from granular.tools.checks import integer, truth
+from granular.tools.checks import truth
 
 if TYPE_CHECKING:
     from granular.model.typing import AnyScene
+    from granular.run.machine import Machine
 
 
 def resumed(
@@ -23,15 +24,12 @@ def resumed(
     path: str | os.PathLike,
     scene: AnyScene | None,
     frame: int | None,
-    threads: int | None,
-    isa: str | None,
+    machine: Machine,
     trust_code: bool,
     ranks: Any,
 ) -> Any:
     """Make the simulation of `granular.Simulation.resume`; `cls` is its class."""
-    if threads is not None:
-        integer("threads", threads, 1, _core.MAX_THREADS)
-    _core.build_info(default_isa() if isa is None else isa)  # refuses one it does not know
+    _core.build_info(machine.kernels)  # refuses one it does not know
     truth("trust_code", trust_code)
     with open_trajectory(path) as record:
         if trust_code:
@@ -41,11 +39,11 @@ def resumed(
         method, checkpoint = cls._of(record.scene), record.checkpoint(frame)
         with reading(record.path, "the run cannot be resumed"):
             every, recorded, stored, precision = settings_of(record.path, record.provenance)
-            if isa is None:
-                isa = usable_isa(recorded, record.path)
+            if machine.isa is None and machine.device is None:
+                machine = replace(machine, isa=usable_isa(recorded, record.path))
             if scene is not None and scene != record.scene:
                 checkpoint = method._adapted(record.scene, scene, unwatched(checkpoint))
-            given = scene or record.scene, checkpoint, threads, isa
+            given = scene or record.scene, checkpoint, machine
             if ranks is None:
                 sim = method._restored(*given)
             else:

@@ -15,6 +15,7 @@ from granular.record.checkpoint import CheckpointRows
 from granular.record.session import Session
 from granular.record.settings import DOUBLE
 from granular.run.interrupts import DeferredSignals
+from granular.run.machine import Machine
 from granular.run.recorder import Hook, Recorded, Recorder
 from granular.run.resuming import resumed
 from granular.run.running import (
@@ -57,6 +58,9 @@ class Simulation(Sampled):
         Instruction set of the kernels, "baseline", "avx2" or "avx512", or "one_lane", which has the
         bits of the latter two and is slow; by default the environment variable GRANULAR_ISA, else
         the best that the machine has.
+    device : {"emulated"}, optional
+        Device that makes the steps of the material point method instead of the processor, with the
+        same bits; see :doc:`/explanation/device`.
     force : bool
         If True, try also a scene that needs more memory than there is, by the estimate of
         `granular.economy.cost`.
@@ -76,7 +80,8 @@ class Simulation(Sampled):
         If `scene` is not a scene.
     ValueError
         If the time step exceeds its limit, the scene cannot be built, it needs more memory than
-        there is, or `threads` or `isa` is out of range.
+        there is, `threads`, `isa` or `device` is out of range, or the device does not have a part
+        of the scene.
 
     Warns
     -----
@@ -91,6 +96,7 @@ class Simulation(Sampled):
         *,
         threads: int | None = None,
         isa: str | None = None,
+        device: str | None = None,
         force: bool = False,
         wall_forces: bool = False,
         tractions: bool = False,
@@ -103,6 +109,7 @@ class Simulation(Sampled):
         *,
         threads: int | None = None,
         isa: str | None = None,
+        device: str | None = None,
         force: bool = False,
         comm: Any = None,
     ) -> SphSimulation: ...
@@ -110,15 +117,11 @@ class Simulation(Sampled):
         method = cls._of(scene)
         return super().__new__(method if comm is None else method._shared())
 
-    def _start(
-        self, scene: AnyScene, engine: _core.Engine | _core.Sph, threads: int | None
-    ) -> None:
+    def _start(self, scene: AnyScene, engine: _core.Engine | _core.Sph, machine: Machine) -> None:
         """Set the attributes that every simulation has; subclasses make engine and buffers."""
         self.scene = scene
         self._engine = engine
-        if threads is not None:
-            threads = integer("threads", threads, 1, _core.MAX_THREADS)
-        self._threads = threads
+        self._threads = machine.threads
         self._chunks = Chunks()
         self._session = Session()
         self._every = EVERY
@@ -392,13 +395,14 @@ class Simulation(Sampled):
         *,
         threads: int | None = None,
         isa: str | None = None,
+        device: str | None = None,
         comm: Any = None,
     ) -> Self:
         """Return a simulation that continues from a checkpoint as if it had never stopped.
 
         Parameters
         ----------
-        scene, threads, isa, comm
+        scene, threads, isa, device, comm
             See `Simulation`.
         checkpoint : Checkpoint
             Result of `checkpoint` or `Trajectory.checkpoint` for this scene.
@@ -408,11 +412,11 @@ class Simulation(Sampled):
         TypeError, ValueError
             If `scene` is not a scene, or the checkpoint does not fit it.
         """
-        method = cls._of(scene)
+        method, machine = cls._of(scene), Machine(threads, isa, device)
         if comm is None:
-            return method._restored(scene, checkpoint, threads, isa)
+            return method._restored(scene, checkpoint, machine)
         shared, ranks = method._shared(), cls._attend(comm)
-        return cast("Self", shared._restored_by(ranks, scene, checkpoint, threads, isa))
+        return cast("Self", shared._restored_by(ranks, scene, checkpoint, machine))
 
     @classmethod
     def resume(
@@ -423,6 +427,7 @@ class Simulation(Sampled):
         frame: int | None = None,
         threads: int | None = None,
         isa: str | None = None,
+        device: str | None = None,
         trust_code: bool = False,
         comm: Any = None,
     ) -> Self:
@@ -449,7 +454,9 @@ class Simulation(Sampled):
             See `Simulation`.
         isa : str, optional
             Instruction set of the kernels; by default the one that the record was made with, since
-            the last bits depend on it.
+            the last bits depend on it, or another one with the same bits.
+        device : str, optional
+            See `Simulation`; the record may be of a processor, and the other way round.
         trust_code : bool
             Run the C code of a law that the record holds, see `granular.materials.trust_code`.
         comm : mpi4py.MPI.Comm, optional
@@ -463,7 +470,7 @@ class Simulation(Sampled):
             If the file is damaged or holds no checkpoint, or one that does not fit its scene.
         TypeError, ValueError
             If the points of the record do not fit into the changed scene, no checkpoint of the
-            frame was stored, or `threads` or `isa` is out of range.
+            frame was stored, or `threads`, `isa` or `device` is out of range.
 
         Warns
         -----
@@ -472,4 +479,5 @@ class Simulation(Sampled):
             with another one, and differs from an unbroken run by rounding errors, which grow.
         """
         ranks = None if comm is None else cls._attend(comm)
-        return cast("Self", resumed(cls, path, scene, frame, threads, isa, trust_code, ranks))
+        machine = Machine(threads, isa, device)
+        return cast("Self", resumed(cls, path, scene, frame, machine, trust_code, ranks))

@@ -16,6 +16,7 @@ from granular.model.state import State
 from granular.record import Checkpoint
 from granular.record.layout import Rows
 from granular.run import diagnostics, simulation
+from granular.run.machine import Machine
 from granular.run.restarts import LARGEST, LEAST, check_range
 from granular.run.running import MOST_STEPS
 from granular.sph import memory
@@ -24,7 +25,7 @@ from granular.sph.inflow import Inlets
 from granular.sph.scene import Scene, seeding_gradient
 from granular.sph.walls import wall_rows
 from granular.tools.arrays import IntArray
-from granular.tools.buffers import allocate, default_isa, fill
+from granular.tools.buffers import allocate, fill
 from granular.tools.checks import integer
 
 SHOWN = ("x", "v", "a", "stress", "rho", "shear_rate", "mass")
@@ -84,7 +85,8 @@ def _weight(scene: Scene) -> float:
     return scene.material.rho0 * pull * height
 
 
-def _build(scene: Scene, isa: str) -> _core.Sph:
+def _build(scene: Scene, machine: Machine) -> _core.Sph:
+    machine.refuse_device("processors alone compute SPH")
     grid, material, numerics = scene.grid, scene.material, scene.numerics
     gas, point_volume = scene.gas, scene.point_mass / material.rho0
     return _core.Sph(
@@ -92,7 +94,7 @@ def _build(scene: Scene, isa: str) -> _core.Sph:
         lower=tuple(grid.lower),
         upper=tuple(grid.upper),
         periodic=tuple(grid.periodic),
-        isa=isa,
+        isa=machine.kernels,
         wall_friction=material.mu_wall is not None,
         parameters={name: getattr(material, name) for name in OF_MATERIAL}
         | {name: getattr(numerics, name) for name in OF_NUMERICS}
@@ -123,12 +125,14 @@ class Simulation(simulation.Simulation, scenes=Scene):
         *,
         threads: int | None = None,
         isa: str | None = None,
+        device: None = None,
         force: bool = False,
         comm: None = None,  # with processes it is another class
     ) -> None:
+        machine = Machine(threads, isa, device)
         memory.check(scene, force)
         diagnostics.warn(scene)
-        self._start(scene, _build(scene, default_isa() if isa is None else isa), threads)
+        self._start(scene, _build(scene, machine), machine)
         points, walls = scene.points(), scene.wall_points()
         gas = None if scene.gas is None else scene.gas.points(scene.grid, scene.seed)
         self._inlets = Inlets.add(self._engine, scene)
@@ -309,11 +313,9 @@ class Simulation(simulation.Simulation, scenes=Scene):
         return self._engine.scalars(), arrays
 
     @classmethod
-    def _filled(
-        cls, scene: Scene, checkpoint: Checkpoint, threads: int | None, isa: str | None
-    ) -> Self:
+    def _filled(cls, scene: Scene, checkpoint: Checkpoint, machine: Machine) -> Self:
         self = object.__new__(cls)
-        self._start(scene, _build(scene, default_isa() if isa is None else isa), threads)
+        self._start(scene, _build(scene, machine), machine)
         total = len(checkpoint.arrays.get("id", ()))
         n = integer("the number n_points of the checkpoint", checkpoint.scalars.get("n_points"), 0)
         gas = integer("the number n_gas of the checkpoint", checkpoint.scalars.get("n_gas", 0), 0)

@@ -1,0 +1,134 @@
+/* Launches of the stages of a step, and the memory that points need on their way between cells (device.h). */
+#include "gpu/device.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "core/memory.h"
+#include "mpm/packing.h"
+
+static int64_t groups_of(int64_t n) { return (n + GR_GROUP - 1) / GR_GROUP; }
+
+static int64_t lanes_of(const struct gr_engine *e) { return e->mesh.n_tiles * GR_LANES; }
+
+const char *gr_device_lacks(const struct gr_config *config)
+{
+    if (config->n_bodies) return "bodies";
+    if (gr_nonlocal_material(config) >= 0) return "nonlocal laws";
+    if (config->scheme.sleep_speed > 0) return "material that sleeps (sleep_speed)";
+    for (int k = 0; k < config->n_materials; k++)
+        if (config->material[k].function) return "laws of the user";
+    return NULL;
+}
+
+int gr_device_new(struct gr_device **device, gr_thread *const *threads)
+{
+    *device = gr_calloc(1, sizeof **device);
+    if (!*device) return GR_ERR_MEMORY;
+    (*device)->threads = threads;
+    return GR_OK;
+}
+
+void gr_device_free(struct gr_device *device)
+{
+    if (!device) return;
+    void *const owned[] = {device->leaving,  device->leaves,    device->place[0], device->place[1], device->place[2],
+                           device->of_group, device->of_groups, device->arrivals, device->next,     device->fastest};
+    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) gr_free(owned[k]);
+    gr_free(device);
+}
+
+static int reserve_cells(struct gr_device *d, int64_t n)
+{
+    if (n <= d->n_cells) return GR_OK;
+    const int64_t cells = n + n / 2, groups = groups_of(cells), all = groups_of(groups);
+    d->n_cells = 0;
+    GR_RESIZE(d->leaving, cells);
+    GR_RESIZE(d->arrivals, cells);
+    GR_RESIZE(d->place[0], cells);
+    GR_RESIZE(d->place[1], groups);
+    GR_RESIZE(d->place[2], all);
+    GR_RESIZE(d->of_group, groups);
+    GR_RESIZE(d->of_groups, all);
+    GR_RESIZE(d->fastest, groups);
+    memset(d->arrivals, 0, (size_t)cells * sizeof *d->arrivals); /* a step leaves them so */
+    d->n_cells = cells;
+    return GR_OK;
+}
+
+int gr_device_reserve(struct gr_engine *e)
+{
+    struct gr_device *d = e->device;
+    if (reserve_cells(d, lanes_of(e))) return GR_ERR_MEMORY;
+    if (e->migration.pending_capacity <= d->n_points) return GR_OK;
+    d->n_points = 0;
+    GR_RESIZE(d->leaves, e->migration.pending_capacity);
+    GR_RESIZE(d->next, e->migration.pending_capacity);
+    memset(d->leaves, 0, (size_t)e->migration.pending_capacity);
+    d->n_points = e->migration.pending_capacity;
+    return GR_OK;
+}
+
+/* ---- The emulated device ---- */
+
+/* Threads of a launch that a team shares out. */
+struct emulated {
+    const struct gr_launch *launch;
+    gr_thread *thread;
+    int64_t n;
+};
+
+static void run_threads(void *context, int64_t chunk, int t)
+{
+    const struct emulated *work = context;
+    int64_t first, last;
+    (void)t;
+    gr_share(work->n, chunk, gr_chunks(work->launch->e->device->team, work->n), &first, &last);
+    for (int64_t i = first; i < last; i++) work->thread(work->launch, i);
+}
+
+void gr_device_run(const struct gr_launch *launch, enum gr_device_stage stage, int64_t n)
+{
+    const struct gr_device *d = launch->e->device;
+    struct emulated work = {launch, d->threads[stage], n};
+    gr_team_run(d->team, run_threads, &work, gr_chunks(d->team, n));
+}
+
+/* ---- Points between cells ---- */
+
+void gr_device_sweep(const struct gr_launch *launch)
+{
+    struct gr_engine *e = launch->e;
+    struct gr_device *d = e->device;
+    const int64_t lanes = lanes_of(e), groups = groups_of(lanes);
+    struct gr_migrants *list = &e->migration.leaving[0];
+    d->counts = (struct gr_device_counts){0};
+    gr_device_run(launch, GR_STAGE_sweep, lanes);
+    gr_device_run(launch, GR_STAGE_place_of_cells, groups);
+    gr_device_run(launch, GR_STAGE_place_of_groups, groups_of(groups));
+    gr_device_run(launch, GR_STAGE_place_of_all, 1);
+    gr_device_run(launch, GR_STAGE_pack, lanes);
+    gr_clear_migrants(list);
+    list->count = d->counts.leaving, list->invalid = d->counts.invalid;
+    list->outside = d->counts.outside, list->homeless = d->counts.homeless;
+}
+
+int gr_device_insert(struct gr_engine *e, struct gr_migrants *list)
+{
+    const struct gr_launch launch = {.e = e};
+    e->device->counts.full = 0;
+    if (!list->count) return 0;
+    gr_device_run(&launch, GR_STAGE_post, list->count);
+    gr_device_run(&launch, GR_STAGE_arrive, lanes_of(e));
+    return e->device->counts.full > 0;
+}
+
+double gr_device_fastest(const struct gr_engine *e)
+{
+    const struct gr_launch launch = {.e = (struct gr_engine *)e}; /* its threads only read it */
+    const int64_t groups = groups_of(lanes_of(e));
+    double square = 0;
+    gr_device_run(&launch, GR_STAGE_fastest, groups);
+    for (int64_t g = 0; g < groups; g++) square = fmax(square, e->device->fastest[g]);
+    return square;
+}

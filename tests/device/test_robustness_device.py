@@ -1,0 +1,171 @@
+"""A device makes the steps of a run with the bits of a processor; what it lacks is refused."""
+
+import numpy as np
+import pytest
+from oracle_fluidity import available
+from same_bits import bits, fields, shown
+from scenes_by_hand import scene_with
+
+import granular as gr
+
+FUSING = [isa for isa in available() if isa != "baseline"]
+"""Instruction sets with the bits of a device; the last of these is the fastest."""
+
+pytestmark = pytest.mark.skipif("one_lane" not in FUSING, reason="needs a fused multiply-add")
+
+
+def both(scene, **watch):
+    """The same scene on a processor and on the emulated device."""
+    return (
+        gr.Simulation(scene, threads=1, isa=FUSING[-1], **watch),
+        gr.Simulation(scene, threads=3, device="emulated", **watch),
+    )
+
+
+def check_bits(scene, *steps, **watch):
+    """The bits of both after these numbers of steps, each in a call of its own."""
+    sims = both(scene, **watch)
+    for n in steps:
+        for sim in sims:
+            sim.step(n)
+        assert bits(sims[1]) == bits(sims[0])
+    assert shown(sims[1].state) == shown(sims[0].state)
+    return sims
+
+
+@pytest.mark.parametrize("kind", ["walls", "periodic", "outlet"])
+def test_every_scheme_has_the_bits_of_a_processor(small_scene, kind, combination, dim):
+    check_bits(small_scene(kind, dim, combination, E=1e5), 1, 119)
+
+
+@pytest.mark.parametrize("kind", ["axis", "rings"])
+def test_also_in_an_axisymmetric_plane(small_scene, kind, combination):
+    if combination[0] == "ugimp" or combination[2] == "cell_averaged":
+        pytest.skip("planes alone have these schemes")
+    check_bits(small_scene(kind, 2, combination, E=1e5), 120)
+
+
+def test_also_with_single_precision(small_scene, dim):
+    scene = small_scene("walls", dim, ("quadratic", "tpic", "smoothed"), E=1e5)
+    check_bits(scene.replace(scheme=scene.scheme.replace(precision="single")), 120)
+
+
+LAWS = {
+    "elastic": gr.materials.Elastic(E=1e5),
+    "Drucker-Prager": gr.materials.DruckerPrager(E=1e5),
+    "regularised mu(I)": gr.materials.RegularisedMuI(E=1e5),
+    "dilatant mu(I)": gr.DilatantMuI(E=1e5),
+    "Hencky mu(I)": gr.MuI(E=1e5, elasticity="hencky"),
+    "hardening": gr.materials.HardeningDruckerPrager(E=1e5),
+    "restitution": gr.MuI(E=1e5, restitution=0.5, contact_diameter=0.01),
+}
+
+
+@pytest.mark.parametrize("material", LAWS.values(), ids=LAWS)
+def test_every_local_law_has_the_bits_of_a_processor(small_scene, material, dim):
+    scene = small_scene("walls", dim, ("quadratic", "tpic", "smoothed"))
+    check_bits(scene.replace(material=material), 90)
+
+
+def test_also_several_materials(small_scene, dim):
+    scene = small_scene("walls", dim, ("quadratic", "tpic", "smoothed"), E=1e5)
+    second = gr.materials.DruckerPrager(E=2e5, rho_c=1200.0)
+    fills = (scene.fills[0], scene.fills[1].replace(material=second))
+    check_bits(scene.replace(fills=fills), 90)
+
+
+@pytest.mark.parametrize(
+    ("name", "numbers"),
+    [
+        ("column_collapse", {"cell": 0.05, "points_per_cell": 4}),
+        ("cylinder_collapse", {"cell": 0.1}),
+        ("cylinder_collapse", {"cell": 0.05, "axisymmetric": True}),
+        ("silo_fed", {"cell": 0.02, "duration": 0.3}),
+    ],
+)
+def test_ready_made_scenes_have_the_bits_of_a_processor(name, numbers):
+    """Runs in which points are grouped anew, among them one into which material flows."""
+    check_bits(gr.scenes.registry[name](**numbers), 150)
+
+
+def test_the_impulses_on_walls_and_their_patches_are_those_of_a_processor(small_scene):
+    scene = small_scene("outlet", 2, ("quadratic", "tpic", "smoothed"), E=1e5)
+    check_bits(scene, 100, wall_forces=True, tractions=True)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_thousands_of_points_change_cells_in_a_step(dim):
+    """Two clouds fly through each other: cells are full, and tiles get rows."""
+    cell, n = 0.05, 24 if dim == 2 else 12
+    middle, size = 0.5 * n * cell, (5 if dim == 2 else 3) * cell
+    boxes = [
+        gr.Box((middle,) * dim, (middle + size,) * dim),
+        gr.Box((middle - size,) * dim, (middle,) * dim),
+    ]
+    scene = scene_with(
+        grid=gr.Grid((0.0,) * dim, cell, (n,) * dim, periodic=(True,) + (False,) * (dim - 1)),
+        fills=tuple(
+            gr.Fill(box, 10**2 if dim == 2 else 4**3, jitter=1.0, density=3e3, velocity=velocity)
+            for box, velocity in zip(boxes, ((9.0,) * dim, (-6.0,) * dim), strict=True)
+        ),
+        material=gr.MuI(E=1e5),
+        gravity=0.0,
+    )
+    check_bits(scene, 40)
+
+
+def test_a_record_goes_on_with_a_device_and_back(tmp_path):
+    """Without a device, a run goes on with what is fastest on the machine, and the same bits."""
+    scene = gr.scenes.column_collapse(cell=0.05)
+    fastest = gr._core.build_info()["isa"]
+    alone, sim = (gr.Simulation(scene, threads=1, isa=FUSING[-1]) for _ in range(2))
+    alone.step(120)
+    for k, device in enumerate(("emulated", None, "emulated")):
+        sim.step(40)
+        sim.run(until=sim.time, save=tmp_path / f"{k}.h5")
+        if k < 2:
+            sim = gr.Simulation.resume(tmp_path / f"{k}.h5", device=device)
+            assert sim.isa == ("one_lane" if device or fastest not in FUSING else fastest)
+    assert bits(sim) == bits(alone)
+
+
+def test_a_failure_is_that_of_a_processor():
+    """Its step and point are named, and the points are where they were."""
+    scene = gr.scenes.column_collapse(cell=0.05)
+    sims, told = both(scene), []
+    for sim in sims:
+        sim.step(20)
+        sim.buffers["v"][0, np.argmax(sim.buffers["id"] == 7)] = 1e9
+        with pytest.raises(gr.SimulationError) as error:
+            sim.step(5)
+        told.append((str(error.value), error.value.step, error.value.point))
+    assert told[0] == told[1]
+    assert fields(sims[0].state) == fields(sims[1].state)
+
+
+def small():
+    return gr.scenes.column_collapse(cell=0.1)
+
+
+@pytest.mark.parametrize(
+    ("scene", "what"),
+    [
+        (lambda: gr.scenes.penetration(cell=0.04), "bodies"),
+        (lambda: gr.scenes.chute_ngf(columns=2), "nonlocal laws"),
+        (lambda: small().replace(scheme=gr.Scheme(sleep_speed=0.02)), "sleep_speed"),
+        (lambda: gr.scenes.incline_sph(height=0.05), "processors alone compute SPH"),
+    ],
+)
+def test_what_a_device_lacks_is_refused_by_name(scene, what):
+    with pytest.raises(ValueError, match=f"device.*{what}"):
+        gr.Simulation(scene(), device="emulated")
+
+
+def test_bad_arguments_are_refused():
+    with pytest.raises(ValueError, match="device = 'gpx' must be"):
+        gr.Simulation(small(), device="gpx")
+    with pytest.raises(ValueError, match="isa = 'avx2' must not be given with device"):
+        gr.Simulation(small(), device="emulated", isa="avx2")
+    with gr.ranks.threads(1) as comm:
+        with pytest.raises(ValueError, match="processes share runs on processors alone"):
+            gr.Simulation(small(), device="emulated", comm=comm)
