@@ -2,7 +2,6 @@
 #include "core/memory.h"
 
 #include <stdalign.h>
-#include <stdatomic.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -12,13 +11,11 @@ struct head {
     size_t bytes;
 };
 
-static _Atomic(const struct gr_source *) used;
+static _Thread_local const struct gr_source *used;
 
-void gr_use_source(const struct gr_source *source) { atomic_store(&used, source); }
+void gr_use_source(const struct gr_source *source) { used = source; }
 
 static struct head *head_of(const void *block) { return (struct head *)block - 1; }
-
-int gr_is_from(const void *block, const struct gr_source *source) { return head_of(block)->source == source; }
 
 /* A block of a source behind its head. */
 static void *begin(struct head *head, const struct gr_source *source, size_t bytes)
@@ -30,7 +27,7 @@ static void *begin(struct head *head, const struct gr_source *source, size_t byt
 
 void *gr_malloc(size_t bytes)
 {
-    const struct gr_source *source = atomic_load(&used);
+    const struct gr_source *source = used;
     if (bytes > SIZE_MAX - sizeof(struct head)) return NULL;
     const size_t all = bytes + sizeof(struct head);
     return begin(source ? source->take(all) : malloc(all), source, bytes);
@@ -38,7 +35,7 @@ void *gr_malloc(size_t bytes)
 
 void *gr_calloc(size_t count, size_t bytes)
 {
-    const struct gr_source *source = atomic_load(&used);
+    const struct gr_source *source = used;
     if (bytes && count > (SIZE_MAX - sizeof(struct head)) / bytes) return NULL;
     if (!source) return begin(calloc(1, count * bytes + sizeof(struct head)), NULL, count * bytes);
     void *block = gr_malloc(count * bytes);

@@ -1,7 +1,7 @@
 /* Memory of the core, arrays that grow, and copies of the arrays of a caller.
  *
- * Blocks are of the process, or of a device while one is in use: its threads and those of the processor then see the same
- * blocks. A block knows where it is from, and grows there. */
+ * Blocks are of the process, or of the source that a thread uses: what a device is to see must be from its own. A block knows
+ * where it is from, and grows there. */
 #pragma once
 
 #include <stdlib.h>
@@ -9,13 +9,13 @@
 
 #include "core/error.h"
 
-/* Where blocks are from: memory, aligned to GR_BLOCK_HEAD bytes, or NULL. Threads may call both at once. */
+/* Where blocks are from: as malloc and free, by several threads at once. */
 struct gr_source {
     void *(*take)(size_t bytes);
     void (*give)(void *block);
 };
 
-/* Take blocks from a source from now on, which must outlive them; NULL: from the process. */
+/* Let this thread take blocks from a source, which must outlive them; NULL: from the process. */
 void gr_use_source(const struct gr_source *source);
 
 /* As malloc, calloc, realloc and free. */
@@ -23,9 +23,6 @@ void *gr_malloc(size_t bytes);
 void *gr_calloc(size_t count, size_t bytes);
 void *gr_realloc(void *block, size_t bytes);
 void gr_free(const void *block);
-
-/* True if a block that begins there is from this source, NULL: from the process. */
-int gr_is_from(const void *block, const struct gr_source *source);
 
 /* Give the array p the length `count`. Without memory, GR_ERR_MEMORY is returned from the function where this stands. */
 #define GR_RESIZE(p, count)                                     \

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "gpu/device.h"
+#include "gpu/emulated.h"
 #include "kernels.h"
 #include "mpm/engine.h"
 
@@ -29,6 +30,7 @@ int gr_begin_object(struct gr_object *self, const char *isa)
 void *gr_ready(const struct gr_object *self, int must_be_bound)
 {
     const int has_points = self->engine && (!must_be_bound || self->is_bound);
+    gr_use_source(self->source);
     if (has_points && !self->busy) return self->engine;
     PyErr_SetString(PyExc_RuntimeError,
                     has_points ? "the engine is running in another thread" : "the engine has no points: call bind first");
@@ -90,16 +92,46 @@ const struct gr_kernels *gr_take_kernels(const char *isa)
     return kernels;
 }
 
-int gr_take_device(struct gr_object *self, const char *device)
+int gr_find_device(struct gr_object *self, const char *name)
+{
+    self->source = NULL;
+    if (!*name) return 0;
+    if (strcmp(name, "emulated")) return gr_refuse("there is no device \"%s\"; there is \"emulated\"", name);
+    self->source = &gr_emulated_memory;
+    return 0;
+}
+
+int gr_take_device(struct gr_object *self, const char *name)
 {
     struct gr_engine *e = self->engine;
+    if (!*name) return 0;
     const char *const lacking = gr_device_lacks(&e->config);
-    if (!*device) return 0;
-    if (strcmp(device, "emulated")) return gr_refuse("there is no device \"%s\"; there is \"emulated\"", device);
-    if (lacking) return gr_refuse("the device \"%s\" does not have %s", device, lacking);
+    if (lacking) return gr_refuse("the device \"%s\" does not have %s", name, lacking);
     const int error = gr_device_new(&e->device, gr_in_precision(self->kernels, e->config.single)->threads);
     if (error) gr_raise(error, NULL);
     return error ? -1 : 0;
+}
+
+static void free_zeros(PyObject *capsule) { gr_free(PyCapsule_GetPointer(capsule, NULL)); }
+
+PyObject *gr_python_zeros(struct gr_object *self, PyObject *args)
+{
+    Py_ssize_t n;
+    if (!PyArg_ParseTuple(args, "n", &n) || !gr_ready(self, 0)) return NULL;
+    if (n < 0) return PyErr_Format(PyExc_ValueError, "n = %zd must not be negative", n);
+    void *block = gr_calloc((size_t)n + !n, 1);
+    PyObject *owner = block ? PyCapsule_New(block, NULL, free_zeros) : PyErr_NoMemory();
+    if (!owner) {
+        gr_free(block);
+        return NULL;
+    }
+    const npy_intp shape[1] = {n};
+    PyObject *array = PyArray_SimpleNewFromData(1, shape, NPY_UINT8, block);
+    if (!array) {
+        Py_DECREF(owner);
+        return NULL;
+    }
+    return PyArray_SetBaseObject((PyArrayObject *)array, owner) ? NULL : array;
 }
 
 PyObject *gr_python_scalars(const struct gr_object *self, const struct gr_scalar *table, int n)

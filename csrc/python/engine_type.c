@@ -6,6 +6,7 @@
 #include "engine/drive.h"
 #include "engine/stable_dt.h"
 #include "engine/step.h"
+#include "gpu/emulated.h"
 #include "mpm/grouping.h"
 #include "mpm/numbers.h"
 #include "mpm/sleep.h"
@@ -42,11 +43,12 @@ static int engine_init(struct gr_object *self, PyObject *args, PyObject *kwargs)
     struct gr_engine *e;
     const char *isa, *device;
     if (gr_parse_config(args, kwargs, &config, &tables, &isa, &device)) return -1;
-    if (gr_begin_object(self, *device ? "one_lane" : isa)) return -1;
+    if (gr_begin_object(self, *device ? "one_lane" : isa) || gr_find_device(self, device)) return -1;
     /* the tables of the shapes of bodies, and the functions of laws */
     Py_XSETREF(self->borrowed, Py_BuildValue("(NN)", PyList_AsTuple(PyDict_GetItemString(kwargs, "bodies")),
                                              PyList_AsTuple(PyDict_GetItemString(kwargs, "materials"))));
     if (!self->borrowed) return -1;
+    gr_use_source(self->source);
     const int error = gr_engine_new(&e, &config);
     if (error) gr_raise(error, NULL);
     if (error) return -1;
@@ -88,6 +90,13 @@ static PyObject *engine_bind(struct gr_object *self, PyObject *args)
         if (e->mesh.n_cells) return PyErr_Format(PyExc_RuntimeError, "points can be given once");
     }
     Py_RETURN_NONE;
+}
+
+static PyObject *engine_foreign_array(struct gr_object *self, PyObject *Py_UNUSED(unused))
+{
+    const struct gr_engine *e = gr_ready(self, 1);
+    if (e && e->device) return Py_BuildValue("z", gr_foreign_array(e));
+    return e ? PyErr_Format(PyExc_ValueError, "the engine has no device") : NULL;
 }
 
 /* ---- stepping ---- */
@@ -499,6 +508,10 @@ static PyMethodDef methods[] = {
     {"stable_dt", (PyCFunction)engine_stable_dt, METH_NOARGS, "stable_dt()\n--\n\ncfl dx/(c + |v|max), s."},
     {"fluidity", (PyCFunction)engine_fluidity, METH_NOARGS,
      "fluidity()\n--\n\nmethod, substeps, limit (s), iterations, clamped (cells) of a nonlocal law; None without one."},
+    {"foreign_array", (PyCFunction)engine_foreign_array, METH_NOARGS,
+     "foreign_array()\n--\n\nAn array that the emulated device must see and that is not of its memory, or None."},
+    {"zeros", (PyCFunction)gr_python_zeros, METH_VARARGS,
+     "zeros(n)\n--\n\nSo many bytes of the memory of the engine, all 0."},
     {"fields", (PyCFunction)gr_python_fields, METH_NOARGS,
      "fields()\n--\n\n[(name, components, unit, doc, dtype)] of the buffers."},
     {NULL, NULL, 0, NULL}};

@@ -285,6 +285,8 @@ static PyMethodDef methods[] = {
     {"restore", (PyCFunction)sph_restore, METH_O, "restore(scalars)\n--\n\nSet the numbers of a restart."},
     {"stable_dt", (PyCFunction)sph_stable_dt, METH_NOARGS,
      "stable_dt()\n--\n\ncfl times the smaller of h/(4 c) and sqrt(h/|a|)/4, s."},
+    {"zeros", (PyCFunction)gr_python_zeros, METH_VARARGS,
+     "zeros(n)\n--\n\nSo many bytes of the memory of the engine, all 0."},
     {"fields", (PyCFunction)gr_python_fields, METH_NOARGS,
      "fields()\n--\n\n[(name, components, unit, doc, dtype)] of the buffers."},
     {NULL, NULL, 0, NULL}};

@@ -74,7 +74,7 @@ def allocate(engine: _core.Engine | _core.Sph, capacity: int) -> dict[str, NDArr
     skew = max(PAGE // sum(count for count, _ in rows.values()) // LINE, 1) * LINE
     slots = -(-capacity * size // PAGE) * (PAGE // size) + skew // size
     length = sum(count * slots * dtype.itemsize for count, dtype in rows.values())
-    raw = np.zeros(length + LINE, dtype=np.uint8)
+    raw = engine.zeros(length + LINE)
     start = -raw.ctypes.data % LINE
     buffers: dict[str, NDArray] = {}
     for name, (count, dtype) in rows.items():

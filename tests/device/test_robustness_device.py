@@ -29,6 +29,7 @@ def check_bits(scene, *steps, **watch):
         for sim in sims:
             sim.step(n)
         assert bits(sims[1]) == bits(sims[0])
+    assert sims[1]._engine.foreign_array() is None
     assert shown(sims[1].state) == shown(sims[0].state)
     return sims
 
