@@ -2,10 +2,14 @@
 
 The kernels are compiled once for each instruction set and chosen at run time: a wheel is portable.
 Environment: GRANULAR_CFLAGS = extra compiler flags (-g for a debugger: without it a wheel has a
-tenth of the size).
+tenth of the size); GRANULAR_GPU = 1 to compile the kernels for GPUs, too, which takes clang 17 or
+later, 0 not to, and by default where there is such a clang.
 """
 
+import gzip
 import os
+import re
+import shutil
 import subprocess
 import sysconfig
 import tempfile
@@ -23,7 +27,18 @@ from setuptools.modified import newer_group
 ROOT = Path(__file__).parent
 SOURCES = [
     str(path.relative_to(ROOT))
-    for folder in ("core", "law", "fluidity", "body", "mpm", "contact", "engine", "gpu", "sph", "python")
+    for folder in (
+        "core",
+        "law",
+        "fluidity",
+        "body",
+        "mpm",
+        "contact",
+        "engine",
+        "gpu",
+        "sph",
+        "python",
+    )
     for path in sorted((ROOT / "csrc" / folder).glob("*.c"))
 ]
 SOURCES.append("csrc/dispatch.c")
@@ -46,6 +61,55 @@ if X86:
     KERNELS |= {"avx2": AVX2, "avx512": AVX512}
 KERNELS["one_lane"] = [*AVX2, *ONE_LANE] if X86 else ONE_LANE
 EMPTY = "int main(void) { return 0; }\n"
+# PTX, the text that the driver of a GPU compiles: for compute capability 7.5 and later. Compilers
+# name the newest version of PTX that they know, and drivers refuse one that is newer than theirs.
+# What is here of the language is in version 8.0, of CUDA 12.0.
+OLDEST_CLANG, PTX = 17, ".version 8.0"
+GPU = ["--target=nvptx64-nvidia-cuda", "-march=sm_75", "-S", "-o", "-", "-std=gnu11", "-O2"]
+GPU += [
+    "-ffreestanding",
+    "-ffp-contract=off",
+    "-fno-math-errno",
+    "-nostdinc",
+    "-Wno-unused-function",
+]
+GPU += ["-DGR_ON_DEVICE", "-DGR_ONE_LANE", "-DGR_ISA=gpu", "-Icsrc", "-isystem", "csrc/gpu/libc"]
+
+
+def clang() -> str | None:
+    """Path of a clang that compiles for GPUs; None without one."""
+    names = [f"clang-{version}" for version in range(30, OLDEST_CLANG - 1, -1)]
+    for path in filter(None, map(shutil.which, [*names, "clang"])):
+        said = subprocess.run([path, "--version"], capture_output=True, text=True).stdout
+        version = re.search(r"clang version (\d+)", said)
+        if version and int(version[1]) >= OLDEST_CLANG:
+            return path
+    return None
+
+
+def compile_for_gpus(folder: Path) -> None:
+    """Write the kernels for GPUs, in both precisions, where granular/run/machine.py looks."""
+    wanted, compiler = os.environ.get("GRANULAR_GPU", "auto"), clang()
+    if wanted not in ("auto", "0", "1"):
+        raise ValueError(f"GRANULAR_GPU = {wanted} must be auto, 0 or 1")
+    if wanted == "1" and compiler is None:
+        raise RuntimeError(
+            f"GRANULAR_GPU = 1 takes clang {OLDEST_CLANG} or later, which is not there"
+        )
+    for precision, macro in (("double", []), ("single", ["-DGR_SINGLE"])):
+        text = Path(folder, f"gpu_{precision}.ptx.gz")
+        text.unlink(missing_ok=True)
+        if wanted == "0" or compiler is None:
+            continue
+        headers = subprocess.run([compiler, "-print-resource-dir"], capture_output=True, text=True)
+        own = ["-isystem", f"{headers.stdout.strip()}/include"]
+        command = [compiler, *GPU, *own, *macro, "csrc/gpu_kernels.c"]
+        done = subprocess.run(command, capture_output=True, text=True)
+        if not done.returncode:
+            code = re.sub(r"^\.version .*$", PTX, done.stdout, flags=re.MULTILINE)
+            text.write_bytes(gzip.compress(code.encode(), mtime=0))
+        elif wanted == "1":
+            raise RuntimeError(f"the kernels for GPUs do not compile:\n{done.stderr}")
 
 
 class BuildCore(build_ext):
@@ -106,12 +170,14 @@ class BuildCore(build_ext):
         # A core of the same sources, made in the same way, stays: `pip install .` again is quick.
         core = self.get_ext_fullpath(ext.name)
         compilers = [*self.compiler.compiler_so, *self.compiler.linker_so]
-        made = " ".join([core, *compilers, *flags, "numpy", numpy.__version__])
+        gpu = os.environ.get("GRANULAR_GPU", "auto")
+        made = " ".join([core, *compilers, *flags, "numpy", numpy.__version__, gpu, clang() or ""])
         record = Path(self.build_temp, "made.txt")
         same = record.exists() and record.read_text() == made
         if same and not self.force and not newer_group(ext.depends, core):
             return
         record.unlink(missing_ok=True)
+        compile_for_gpus(Path(core).parent)
         linked = copy(ext)
         linked.extra_objects = self.compile_all(ext, flags)
         linked.sources = []

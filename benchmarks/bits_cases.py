@@ -1,9 +1,13 @@
 """Digests of state and checkpoint of every quick scene; `benchmarks/bits.py` compares two commits.
 
     python benchmarks/bits_cases.py --out digests.json [--only WORD]
+    python benchmarks/bits_cases.py --between [--only WORD]
 
 Every case is run with each instruction set of the machine, by one thread and by two. Digests hold
 for one machine and one build: elementary functions come from its C library.
+
+With --between every case is run with the instruction sets that have a fused multiply-add and on the
+emulated device, which all have the same bits; the exit status is 1 where they differ.
 """
 
 from __future__ import annotations
@@ -173,12 +177,15 @@ def digest(array: np.ndarray) -> str:
     return hashlib.sha256(head + array.tobytes()).hexdigest()[:20]
 
 
-def digests(scene: object, steps: int, threads: int, isa: str) -> dict[str, str]:
+def digests(
+    scene: object, steps: int, threads: int, isa: str | None, device: str | None = None
+) -> dict[str, str]:
     """Digest of each field of the state, and of each number and array of the checkpoint.
 
     Some schemes are known to fail; then the step and the point of the failure are included.
     """
-    sim = gr.Simulation(scene, threads=threads, isa=isa)
+    machine = {} if device is None else {"device": device}
+    sim = gr.Simulation(scene, threads=threads, isa=isa, **machine)
     table = {}
     try:
         sim.step(steps)
@@ -205,12 +212,43 @@ def available() -> list[str]:
     return names
 
 
+def between(only: str) -> int:
+    """Compare instruction sets and the emulated device; return the number of cases that differ."""
+    sets = [isa for isa in available() if isa != "baseline"]
+    begin, compared, on_device, different = time.perf_counter(), 0, 0, []
+    for make in (small, ready):
+        for name, scene, steps in make():
+            if only not in name or isinstance(scene, gr.sph.Scene):
+                continue  # in SPH lanes are neighbours, over which sums go
+            found = [digests(scene, steps, 1, isa) for isa in sets]
+            try:
+                found.append(digests(scene, steps, 2, None, "emulated"))
+                on_device += 1
+            except ValueError as error:
+                if "does not have" not in str(error):
+                    raise
+            compared += 1
+            if any(table != found[0] for table in found):
+                different.append(name)
+    print(
+        f"{compared} cases with {', '.join(sets)}, {on_device} of them on the emulated device: "
+        f"{len(different)} differ, {time.perf_counter() - begin:.0f} s"
+    )
+    print(*different, sep="\n")
+    return len(different)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--out", type=Path, help="digests of this build")
+    parser.add_argument("--between", action="store_true", help="compare sets and the device")
     parser.add_argument("--only", default="", help="cases whose name holds this word")
     options = parser.parse_args()
     warnings.simplefilter("ignore")
+    if options.between:
+        sys.exit(between(options.only) > 0)
+    if not options.out:
+        parser.error("give --out or --between")
     begin, table = time.perf_counter(), {}
     for make in (small, ready):
         for name, scene, steps in make():

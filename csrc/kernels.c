@@ -311,12 +311,16 @@ extern const struct gr_kernels GR_NAME;
 const struct gr_kernels GR_NAME = {
     .isa = GR_STRING(GR_ISA),
     .lanes = GR_W,
-    .p2g = p2g,
     .sum_nodes = sum_nodes,
     .move_nodes = GR_MOVE_NODES,
     .store_nodes = GR_STORE_NODES,
     .describe_nodes = GR_DESCRIBE_NODES,
     .mean_gaps = GR_MEAN_GAPS,
+#ifdef GR_ONE_LANE
+    .threads = threads,
+#endif
+#ifndef GR_ON_DEVICE /* whose threads do the rest */
+    .p2g = p2g,
     .fill_cells = fillings,
     .sweep = sweep,
     .mean_pairs = mean_pairs,
@@ -324,9 +328,6 @@ const struct gr_kernels GR_NAME = {
     .begin_substeps = begin_substeps,
     .substep = substep,
     .laws = laws,
-#ifdef GR_ONE_LANE
-    .threads = threads,
-#endif
 #ifdef GR_SINGLE
     .narrow_nodes = narrow_nodes,
 #else
@@ -335,7 +336,6 @@ const struct gr_kernels GR_NAME = {
     .smooth = smooth,
     .update_fluidity = fluidity_points,
     .update_hencky = update_hencky,
-#ifndef GR_ON_DEVICE
     .diffuse = diffuse,
     .sph = sph,
 #endif

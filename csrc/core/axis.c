@@ -137,21 +137,6 @@ static void place_cells(struct gr_axis *axis, double dx)
     axis->cell[axis->n_cells - 1].end = axis->origin + axis->length;
 }
 
-int64_t gr_locate(const struct gr_axis *axis, double inv_dx, double x)
-{
-    const double guess = (x - axis->origin) * inv_dx + axis->shift; /* exact up to rounding */
-    if (!(guess > -1e15 && guess < 1e15)) return -(int64_t)1e15;
-    const int64_t last = axis->n_cells - 1;
-    int64_t at = (int64_t)guess;
-    at -= guess < (double)at; /* rounded down */
-    if (x < axis->cell[0].begin) return at < 0 ? at : -1;
-    if (x >= axis->cell[last].end) return at > last ? at : last + 1;
-    at = at < 0 ? 0 : at > last ? last : at;
-    while (x < axis->cell[at].begin) at--;
-    while (x >= axis->cell[at].end) at++;
-    return at;
-}
-
 int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const int32_t *c0_lines, int n_c0_lines,
                   double lambda, double origin, double dx)
 {

@@ -62,7 +62,20 @@ struct gr_node_cells {
 };
 
 /* Index of the cell of x; a number outside [0, n_cells) if x lies outside the domain, also on a periodic axis. */
-int64_t gr_locate(const struct gr_axis *axis, double inv_dx, double x);
+static inline int64_t gr_locate(const struct gr_axis *axis, double inv_dx, double x)
+{
+    const double guess = (x - axis->origin) * inv_dx + axis->shift; /* exact up to rounding */
+    if (!(guess > -1e15 && guess < 1e15)) return -(int64_t)1e15;
+    const int64_t last = axis->n_cells - 1;
+    int64_t at = (int64_t)guess;
+    at -= guess < (double)at; /* rounded down */
+    if (x < axis->cell[0].begin) return at < 0 ? at : -1;
+    if (x >= axis->cell[last].end) return at > last ? at : last + 1;
+    at = at < 0 ? 0 : at > last ? last : at;
+    while (x < axis->cell[at].begin) at--;
+    while (x >= axis->cell[at].end) at++;
+    return at;
+}
 
 static inline int gr_basis_nodes_1d(int basis) { return basis == GR_LINEAR ? 2 : 3; }
 

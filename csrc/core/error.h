@@ -14,6 +14,7 @@
     X(GR_ERR_DIVERGED, SIMULATION, "the conjugate gradients of the fluidity did not converge") \
     X(GR_ERR_LAW, SIMULATION, "the function of a user-defined law failed")                     \
     X(GR_ERR_ELSEWHERE, SIMULATION, "the step has failed in another process of the run")       \
+    X(GR_ERR_DEVICE, SIMULATION, "the device has failed")                                      \
     X(GR_ERR_TRANSPORT, INTERNAL, "another process of the run does not answer")                \
     X(GR_ERR_REPEATED, INTERNAL,                                                               \
       "the function of a user-defined law was interrupted; it was called again, and the state is valid")

@@ -22,6 +22,13 @@
 
 #define GR_LANES 8 /* cells of a tile; rows of points are this long in all instruction sets */
 
+/* Sizes of what a processor keeps on its stack, and a thread of a device, which is one of many and has one lane. */
+#ifdef GR_ON_DEVICE
+#define GR_SIZE(processor, device) (device)
+#else
+#define GR_SIZE(processor, device) (processor)
+#endif
+
 #ifdef GR_ONE_LANE
 #include "core/simd_one_lane.h"
 #endif

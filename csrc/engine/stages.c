@@ -102,7 +102,6 @@ GR_CHUNK_OF_NODES(nodes, grid_nodes(run, first, last))
 static struct gr_launch launch_of(const struct gr_run *run)
 {
     struct gr_launch launch = {.e = run->e, .pass = run->pass};
-    run->e->device->team = run->team;
     for (int d = 0; d < 3; d++) launch.gravity[d] = run->gravity[d];
     return launch;
 }
@@ -127,6 +126,12 @@ static void all_nodes(struct gr_run *run, gr_chunk_work *chunk, enum gr_device_s
         launch(run, stage, run->e->mesh.n_nodes);
     else
         gr_team_run(run->team, chunk, run, gr_chunks(run->team, gr_groups(run->e)));
+}
+
+/* Wait for the threads of a device, so that the processor may look at what they have made; an error is in the engine. */
+static void finish(struct gr_run *run)
+{
+    if (run->e->device) (void)gr_device_wait(run->e);
 }
 
 /* Run a stage for all tiles, or all nodes. */
@@ -179,6 +184,7 @@ void gr_stage_grid(struct gr_run *run)
         GR_ALL_NODES(run, smooth_nodes);
     }
     if (run->kernels->narrow_nodes) GR_ALL_NODES(run, narrow);
+    finish(run);
     if (e->watch && !e->failure.code) e->failure.code = gr_sum_wall_impulses(e);
     if (e->watch && e->watch->servo.height > 0) gr_move_servo(e);
 }
@@ -220,7 +226,11 @@ int gr_stage_fluidity(struct gr_run *run)
     return e->failure.code;
 }
 
-void gr_stage_p2g(struct gr_run *run) { GR_ALL_TILES(run, p2g); }
+void gr_stage_p2g(struct gr_run *run)
+{
+    GR_ALL_TILES(run, p2g);
+    finish(run);
+}
 
 void gr_stage_p2g_again(struct gr_run *run)
 {
@@ -229,6 +239,7 @@ void gr_stage_p2g_again(struct gr_run *run)
         launch(run, GR_STAGE_p2g_dirty, n * GR_LANES);
     else
         all_of(run, p2g_dirty, n);
+    finish(run);
 }
 
 void gr_stage_g2p(struct gr_run *run)

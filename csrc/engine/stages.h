@@ -16,5 +16,6 @@ void gr_stage_grid(struct gr_run *run);
  * Returned: 0, or the error of the step. */
 int gr_stage_fluidity(struct gr_run *run);
 
-/* Move the points, update their stresses, and list those that leave their cells. */
+/* Move the points, update their stresses, and list those that leave their cells. After an error of a device, which is in the
+ * engine as after those of the other stages, the points are lost. */
 void gr_stage_g2p(struct gr_run *run);

@@ -9,6 +9,7 @@
 #include "engine/sharing.h"
 #include "engine/stable_dt.h"
 #include "engine/stages.h"
+#include "gpu/device.h"
 #include "mpm/ghosts.h"
 #include "mpm/grid.h"
 #include "mpm/grouping.h"
@@ -180,16 +181,17 @@ static void make_steps(void *context, struct gr_team *team)
     if (!e->failure.code) e->failure.code = share_out(run);
     if (!e->failure.code && e->ranks && e->sleep) e->failure.code = gr_ghosts_exchange_calm(e);
     gr_plan_sums(e, e->clock.step);
+    if (e->device && !e->failure.code) gr_device_begin(e, team);
     while (!e->failure.code) {
-        if (!e->sums.valid) {
-            gr_stage_p2g(run);
-        }
+        if (!e->sums.valid) gr_stage_p2g(run);
+        if (e->failure.code) return;
         e->sums.valid = 1;
         if (gr_tally_is_due(e) && (e->failure.code = gr_tally_make(e, team))) return;
         if (!prepare(run)) return;
         gr_stage_grid(run);
         if (e->failure.code || gr_stage_fluidity(run)) return;
         gr_stage_g2p(run);
+        if (e->failure.code) return;
         if (e->sleep && (!e->config.smoothed || gr_averages(e, e->clock.step))) e->sleep->all_nodes = 0;
         finish(run);
         check_laws(e);
@@ -212,6 +214,7 @@ int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t ma
     run.left = max_steps, run.until = until;
     const int wanted = e->points.n ? threads : 1;
     e->refused_threads = wanted - gr_team_lead(wanted, make_steps, &run);
+    if (e->device) gr_device_end(e);
     if (e->failure.code || !e->failure.own_calls.repeated) return e->failure.code;
     e->failure.own_calls.repeated = 0;
     return GR_ERR_REPEATED;

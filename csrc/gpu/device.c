@@ -21,10 +21,11 @@ const char *gr_device_lacks(const struct gr_config *config)
     return NULL;
 }
 
-int gr_device_new(struct gr_device **device, gr_thread *const *threads)
+int gr_device_new(struct gr_device **device, const struct gr_backend *backend, gr_thread *const *threads)
 {
     *device = gr_calloc(1, sizeof **device);
     if (!*device) return GR_ERR_MEMORY;
+    (*device)->backend = backend;
     (*device)->threads = threads;
     return GR_OK;
 }
@@ -69,29 +70,23 @@ int gr_device_reserve(struct gr_engine *e)
     return GR_OK;
 }
 
-/* ---- The emulated device ---- */
-
-/* Threads of a launch that a team shares out. */
-struct emulated {
-    const struct gr_launch *launch;
-    gr_thread *thread;
-    int64_t n;
-};
-
-static void run_threads(void *context, int64_t chunk, int t)
+void gr_device_begin(struct gr_engine *e, struct gr_team *team)
 {
-    const struct emulated *work = context;
-    int64_t first, last;
-    (void)t;
-    gr_share(work->n, chunk, gr_chunks(work->launch->e->device->team, work->n), &first, &last);
-    for (int64_t i = first; i < last; i++) work->thread(work->launch, i);
+    e->device->team = team;
+    e->device->backend->begin(e->device);
 }
 
-void gr_device_run(const struct gr_launch *launch, enum gr_device_stage stage, int64_t n)
+void gr_device_end(struct gr_engine *e) { e->device->team = NULL; }
+
+int gr_device_wait(struct gr_engine *e)
 {
-    const struct gr_device *d = launch->e->device;
-    struct emulated work = {launch, d->threads[stage], n};
-    gr_team_run(d->team, run_threads, &work, gr_chunks(d->team, n));
+    struct gr_device *d = e->device;
+    d->backend->wait(d);
+    if (!*d->failure) return GR_OK;
+    e->failure.code = GR_ERR_DEVICE;
+    e->failure.id = -1;
+    e->failure.step = e->clock.step;
+    return GR_ERR_DEVICE;
 }
 
 /* ---- Points between cells ---- */
@@ -108,19 +103,22 @@ void gr_device_sweep(const struct gr_launch *launch)
     gr_device_run(launch, GR_STAGE_place_of_groups, groups_of(groups));
     gr_device_run(launch, GR_STAGE_place_of_all, 1);
     gr_device_run(launch, GR_STAGE_pack, lanes);
+    if (gr_device_wait(e)) return;
     gr_clear_migrants(list);
     list->count = d->counts.leaving, list->invalid = d->counts.invalid;
     list->outside = d->counts.outside, list->homeless = d->counts.homeless;
 }
 
-int gr_device_insert(struct gr_engine *e, struct gr_migrants *list)
+int gr_device_insert(struct gr_engine *e, struct gr_migrants *list, int *full)
 {
     const struct gr_launch launch = {.e = e};
     e->device->counts.full = 0;
-    if (!list->count) return 0;
+    if (!list->count) return GR_OK;
     gr_device_run(&launch, GR_STAGE_post, list->count);
     gr_device_run(&launch, GR_STAGE_arrive, lanes_of(e));
-    return e->device->counts.full > 0;
+    const int error = gr_device_wait(e);
+    *full = e->device->counts.full > 0;
+    return error;
 }
 
 double gr_device_fastest(const struct gr_engine *e)
@@ -129,6 +127,7 @@ double gr_device_fastest(const struct gr_engine *e)
     const int64_t groups = groups_of(lanes_of(e));
     double square = 0;
     gr_device_run(&launch, GR_STAGE_fastest, groups);
+    if (gr_device_wait(launch.e)) return 0;
     for (int64_t g = 0; g < groups; g++) square = fmax(square, e->device->fastest[g]);
     return square;
 }

@@ -6,6 +6,7 @@
  * cell then takes the points that come to it in that order. */
 #pragma once
 
+#include "core/memory.h"
 #include "core/team.h"
 #include "mpm/engine.h"
 
@@ -51,9 +52,24 @@ struct gr_device_counts {
     int64_t leaving, invalid, outside, homeless, full; /* `full`: cells that could not take a point */
 };
 
+struct gr_device;
+
+/* A kind of device: its memory, which the processor sees, too, and what runs threads. */
+struct gr_backend {
+    const char *name;
+    struct gr_source memory;
+    void (*begin)(struct gr_device *); /* of steps: their memory is brought to the device */
+    void (*run)(const struct gr_launch *, enum gr_device_stage, int64_t n); /* n threads, after those of earlier launches */
+    void (*wait)(struct gr_device *); /* for all of them; the processor must not read their results before */
+};
+
+extern const struct gr_backend gr_emulated, gr_gpu; /* the latter once it is open (driver.h) */
+
 struct gr_device {
+    const struct gr_backend *backend;
+    char failure[160];             /* of a launch, in words; empty before one fails, after which none is made */
     gr_thread *const *threads;     /* of the emulated device: the one-lane kernels of this machine */
-    struct gr_team *team;          /* that runs them, or NULL */
+    struct gr_team *team;          /* that runs them while steps are made, else NULL */
     int64_t n_cells, n_points;     /* for which there is memory */
     int32_t *leaving;              /* per cell: points that leave it in this step */
     uint8_t *leaves;               /* per slot: 1 if its point does */
@@ -68,21 +84,37 @@ struct gr_device {
 const char *gr_device_lacks(const struct gr_config *config);
 
 /* Make the device of an engine, whose kernels are of one lane. Returned: 0 or GR_ERR_MEMORY. */
-int gr_device_new(struct gr_device **device, gr_thread *const *threads);
+int gr_device_new(struct gr_device **device, const struct gr_backend *backend, gr_thread *const *threads);
 void gr_device_free(struct gr_device *device);
 
 /* Reserve memory for the cells and slots of the mesh. Returned: 0 or GR_ERR_MEMORY. */
 int gr_device_reserve(struct gr_engine *e);
 
-/* Run n threads of a stage, and wait for them. */
-void gr_device_run(const struct gr_launch *launch, enum gr_device_stage stage, int64_t n);
+/* Begin to make steps, led by a team, and end it. */
+void gr_device_begin(struct gr_engine *e, struct gr_team *team);
+void gr_device_end(struct gr_engine *e);
 
-/* G2P, the law, packing of the points that leave their cells into the first list of the migration, and P2G of the others. */
+/* Run n threads of a stage, which may go on after this returns. */
+static inline void gr_device_run(const struct gr_launch *launch, enum gr_device_stage stage, int64_t n)
+{
+    launch->e->device->backend->run(launch, stage, n);
+}
+
+/* Wait for all threads. Returned: 0 or GR_ERR_DEVICE, which then is the failure of the engine. */
+int gr_device_wait(struct gr_engine *e);
+
+/* G2P, the law, packing of the points that leave their cells into the first list of the migration, and P2G of the others.
+ * An error is the failure of the engine. */
 void gr_device_sweep(const struct gr_launch *launch);
 
-/* Put the listed points into their new cells, in this order, and repeat P2G of these.
- * Returned: whether a cell was full; the slots of its migrants are GR_NOT_PUT. */
-int gr_device_insert(struct gr_engine *e, struct gr_migrants *list);
+/* Put the listed points into their new cells, in this order, and repeat P2G of these. `full` is set if a cell was; the slots
+ * of its migrants are GR_NOT_PUT.
+ * Returned: 0 or GR_ERR_DEVICE. */
+int gr_device_insert(struct gr_engine *e, struct gr_migrants *list, int *full);
 
-/* Square of the largest speed of the points, m2/s2. */
+/* Square of the largest speed of the points, m2/s2; 0 after a failure. */
 double gr_device_fastest(const struct gr_engine *e);
+
+/* The name of an array of an engine that the threads of a device read or write, and that is not of the memory of a device;
+ * NULL if all are. */
+const char *gr_foreign_array(const struct gr_engine *e);

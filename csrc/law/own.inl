@@ -5,7 +5,7 @@ GR_LAW(own)
 #else
 #include "law/trial.h"
 
-enum { OWN_BLOCKS = 256 / GR_W }; /* blocks per call, as many as a batch has */
+enum { OWN_BLOCKS = GR_SIZE(256 / GR_W, 1) }; /* blocks per call, as many as a batch has */
 
 /* The points of some blocks in arrays of their own, component by component. */
 struct gr_own_points {

@@ -2,7 +2,7 @@
  * a call of the law. */
 #include "mpm/density_correction.h"
 
-enum { BATCH = 256 / GR_W }; /* blocks per call: their data stay in the first-level cache */
+enum { BATCH = GR_SIZE(256 / GR_W, 1) }; /* blocks per call: their data stay in the first-level cache */
 
 /* Batch of blocks of points, collected from several tiles, that a law updates in one call. */
 struct batch {

@@ -8,7 +8,7 @@
 /* Rows of points that are prepared together: a share of `rows` in as few parts as have no more than these. Between two
  * parts the sums of all nodes are stored and loaded again, which in 3D takes as long as four rows; a dozen rows overflow the
  * first-level cache a little, and take less time than two parts (measured). */
-enum { MOST_PREPARED = 12 };
+enum { MOST_PREPARED = GR_SIZE(12, 4) }; /* the latter is a guess */
 GR_INLINE int gr_prepared(int rows)
 {
     const int parts = (rows + MOST_PREPARED - 1) / MOST_PREPARED;

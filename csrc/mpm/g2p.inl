@@ -159,7 +159,7 @@ GR_INLINE int64_t g2p_tile(const int dim, const int basis, const int affine, con
                            const int averages, struct gr_engine *e, int64_t tile, const struct gr_parts parts,
                            struct batch *batch, struct gr_migrant *migrant)
 {
-    struct view view[GR_VECTORS];
+    struct view views[GR_SIZE(GR_VECTORS, 1)], *const view = views - GR_SIZE(0, parts.first);
     int64_t n = 0, first = tile * GR_LANES;
     int rows = 0;
     GR_EACH_PART(part, parts)

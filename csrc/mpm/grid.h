@@ -5,7 +5,7 @@
 
 /* Blocks of nodes whose sums are worked out together, in rows of GR_SUM_ROW: space for runs that reach beyond the block on
  * either side. */
-enum { GR_SUM_BLOCK = 128, GR_SUM_PAD = GR_LANES, GR_SUM_ROW = GR_SUM_BLOCK + 2 * GR_SUM_PAD };
+enum { GR_SUM_BLOCK = GR_SIZE(128, 1), GR_SUM_PAD = GR_SIZE(GR_LANES, 0), GR_SUM_ROW = GR_SUM_BLOCK + 2 * GR_SUM_PAD };
 
 /* Motion of the nodes of a group: v, and the velocity `next` after the step, m/s; and the share of the difference to the
  * velocity of a node that its points lose, its mass-weighted mean over them times the largest damping of the step. */

@@ -250,7 +250,11 @@ int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists, struct 
         if (error) return error;
         list = e->ranks->part;
     }
-    const int full = e->device ? gr_device_insert(e, list) : insert_all(e, list, lists, count > FEW ? team : NULL);
+    int full = 0;
+    if (!e->device)
+        full = insert_all(e, list, lists, count > FEW ? team : NULL);
+    else if (gr_device_insert(e, list, &full))
+        return GR_ERR_DEVICE;
     return homeless || full ? insert_rest(e, list, lists, homeless > 0) : GR_OK;
 }
 

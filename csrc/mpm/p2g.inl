@@ -142,7 +142,7 @@ struct pass {
     vm follows[GR_VECTORS][2]; /* lanes that are in a run with the one before, and with that two before */
     vd partial[GR_MAX_NODES * MOST_SUMS]; /* between parts of the rows of points, in each lane */
     /* what the lanes have for their second and their last node: in the block where each is a run by itself, else in `buffer` */
-    gr_real *next[2], buffer[2][9 * MOST_SUMS * GR_LANES];
+    gr_real *next[2], buffer[2][GR_SIZE(9 * MOST_SUMS * GR_LANES, 1)];
 };
 
 /* Store a vector of sums. */
@@ -214,6 +214,7 @@ static __attribute__((noinline)) void store_tails(int k, int n_rows, const struc
 /* Store what the lanes have for the nodes beyond their runs: the sums [begin, end) of each row. */
 GR_INLINE void store_ends(const int k, const int n_rows, const struct pass *pass, int begin, int end)
 {
+    if (GR_SIZE(0, 1)) return; /* each lane is a run by itself */
     if (pass->joins == GR_ONE_RUN)
         store_tail(k, n_rows, pass, 0, GR_LANES - 1, begin, end);
     else if (pass->joins)

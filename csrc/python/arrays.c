@@ -126,7 +126,9 @@ PyObject *gr_raise_at(int error, const struct gr_failed_at *at)
 {
     const char *message = gr_error_message(error);
     char text[256];
-    if (error == GR_ERR_DIVERGED || error == GR_ERR_LAW || error == GR_ERR_ELSEWHERE)
+    if (error == GR_ERR_DEVICE && at->words)
+        snprintf(text, sizeof text, "%s in step %lld (t = %.9g s): %s", message, (long long)at->step, at->time, at->words);
+    else if (error == GR_ERR_DIVERGED || error == GR_ERR_LAW || error == GR_ERR_ELSEWHERE)
         snprintf(text, sizeof text, "%s in step %lld (t = %.9g s)", message, (long long)at->step, at->time);
     else
         snprintf(text, sizeof text, "%s: point %lld at (%.9g, %.9g%s%.9g) in step %lld (t = %.9g s)", message,
@@ -157,9 +159,9 @@ PyObject *gr_raise(int error, const struct gr_engine *engine)
     const int kind = error > 0 && error < GR_ERROR_COUNT ? kinds[error] : INTERNAL;
     if (kind == MEMORY) return PyErr_NoMemory();
     if (engine && (kind == SIMULATION || error == GR_ERR_OUTSIDE)) {
-        const struct gr_failed_at failure = {engine->failure.id,   engine->failure.step, engine->config.dim,
-                                             engine->failure.x[0], engine->failure.x[1], engine->failure.x[2],
-                                             engine->clock.time};
+        const struct gr_failed_at failure = {
+            engine->failure.id,   engine->failure.step, engine->config.dim, engine->failure.x[0],
+            engine->failure.x[1], engine->failure.x[2], engine->clock.time, engine->device ? engine->device->failure : NULL};
         return gr_raise_at(error, &failure);
     }
     PyErr_SetString(kind == VALUE ? PyExc_ValueError : PyExc_RuntimeError, gr_error_message(error));

@@ -57,6 +57,7 @@ struct gr_failed_at {
     int64_t id, step;
     int dim;
     double x, y, z, time;
+    const char *words; /* what a device says, or NULL */
 };
 
 /* Raise the exception of a core error. Always returns NULL. */

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "gpu/device.h"
-#include "gpu/emulated.h"
+#include "gpu/driver.h"
 #include "kernels.h"
 #include "mpm/engine.h"
 
@@ -30,7 +30,7 @@ int gr_begin_object(struct gr_object *self, const char *isa)
 void *gr_ready(const struct gr_object *self, int must_be_bound)
 {
     const int has_points = self->engine && (!must_be_bound || self->is_bound);
-    gr_use_source(self->source);
+    gr_use_memory(self);
     if (has_points && !self->busy) return self->engine;
     PyErr_SetString(PyExc_RuntimeError,
                     has_points ? "the engine is running in another thread" : "the engine has no points: call bind first");
@@ -94,23 +94,27 @@ const struct gr_kernels *gr_take_kernels(const char *isa)
 
 int gr_find_device(struct gr_object *self, const char *name)
 {
-    self->source = NULL;
-    if (!*name) return 0;
-    if (strcmp(name, "emulated")) return gr_refuse("there is no device \"%s\"; there is \"emulated\"", name);
-    self->source = &gr_emulated_memory;
+    static const struct gr_backend *const known[] = {&gr_emulated, &gr_gpu};
+    self->device = NULL;
+    for (int k = 0; k < 2; k++)
+        if (!strcmp(name, known[k]->name)) self->device = known[k];
+    if (*name && !self->device) return gr_refuse("there is no device \"%s\"", name);
+    if (self->device == &gr_gpu && !gr_gpu_info().total) return gr_refuse("the GPU is not open");
     return 0;
 }
 
-int gr_take_device(struct gr_object *self, const char *name)
+int gr_take_device(struct gr_object *self)
 {
     struct gr_engine *e = self->engine;
-    if (!*name) return 0;
+    if (!self->device) return 0;
     const char *const lacking = gr_device_lacks(&e->config);
-    if (lacking) return gr_refuse("the device \"%s\" does not have %s", name, lacking);
-    const int error = gr_device_new(&e->device, gr_in_precision(self->kernels, e->config.single)->threads);
+    if (lacking) return gr_refuse("the device \"%s\" does not have %s", self->device->name, lacking);
+    const int error = gr_device_new(&e->device, self->device, gr_in_precision(self->kernels, e->config.single)->threads);
     if (error) gr_raise(error, NULL);
     return error ? -1 : 0;
 }
+
+void gr_use_memory(const struct gr_object *self) { gr_use_source(self->device ? &self->device->memory : NULL); }
 
 static void free_zeros(PyObject *capsule) { gr_free(PyCapsule_GetPointer(capsule, NULL)); }
 

@@ -13,7 +13,7 @@ struct gr_object {
     PyObject_HEAD
     void *engine; /* struct gr_engine or struct gr_sph; NULL until it is built */
     const struct gr_kernels *kernels;
-    const struct gr_source *source; /* of its memory (core/memory.h) */
+    const struct gr_backend *device; /* gpu/device.h; NULL: none */
     const struct gr_field_info *fields;
     int n_fields, components[GR_MAX_FIELDS];   /* 0 components: the engine does not carry the field */
     int type[GR_MAX_FIELDS];                   /* of the numbers of its array, NPY_DOUBLE or NPY_FLOAT */
@@ -51,10 +51,11 @@ void gr_keep_buffers(struct gr_object *self, PyArrayObject *const *arrays);
 /* The arguments of advance(max_steps, until, threads). Returned: 0, or -1 with an exception set. */
 int gr_take_run(PyObject *args, long long *max_steps, double *until, int *threads);
 
-/* Find the memory of the device of this name, for an engine that is to be built; and give it the device. None for an empty
- * name. Returned: 0, or -1 with an exception set. */
+/* Find the device of this name, none for an empty one, for an engine that is to be built; let this thread take the memory of
+ * the engine from it; and give the engine its device. Returned: 0, or -1 with an exception set. */
 int gr_find_device(struct gr_object *self, const char *name);
-int gr_take_device(struct gr_object *self, const char *name);
+void gr_use_memory(const struct gr_object *self);
+int gr_take_device(struct gr_object *self);
 
 /* zeros(n) -> so many bytes of the memory of the engine, all 0. */
 PyObject *gr_python_zeros(struct gr_object *self, PyObject *args);

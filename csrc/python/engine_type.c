@@ -6,7 +6,7 @@
 #include "engine/drive.h"
 #include "engine/stable_dt.h"
 #include "engine/step.h"
-#include "gpu/emulated.h"
+#include "gpu/device.h"
 #include "mpm/grouping.h"
 #include "mpm/numbers.h"
 #include "mpm/sleep.h"
@@ -48,7 +48,7 @@ static int engine_init(struct gr_object *self, PyObject *args, PyObject *kwargs)
     Py_XSETREF(self->borrowed, Py_BuildValue("(NN)", PyList_AsTuple(PyDict_GetItemString(kwargs, "bodies")),
                                              PyList_AsTuple(PyDict_GetItemString(kwargs, "materials"))));
     if (!self->borrowed) return -1;
-    gr_use_source(self->source);
+    gr_use_memory(self);
     const int error = gr_engine_new(&e, &config);
     if (error) gr_raise(error, NULL);
     if (error) return -1;
@@ -57,7 +57,7 @@ static int engine_init(struct gr_object *self, PyObject *args, PyObject *kwargs)
         self->components[f] = gr_config_uses(&e->config, f) ? gr_field_components(f, config.dim) : 0;
         self->type[f] = gr_is_double(&e->config, f) ? NPY_DOUBLE : NPY_FLOAT;
     }
-    return refuse_diffusion(e) || gr_take_device(self, device) ? -1 : 0;
+    return refuse_diffusion(e) || gr_take_device(self) ? -1 : 0;
 }
 
 static void engine_dealloc(struct gr_object *self)

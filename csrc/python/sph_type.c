@@ -183,7 +183,7 @@ static PyObject *sph_advance(struct gr_object *self, PyObject *args)
     self->refused_threads = s->refused_threads;
     if (!error || error == GR_ERR_CAPACITY) return PyBool_FromLong(error);
     const struct gr_failed_at at = {s->error_id,   s->step,       s->config.dim, s->error_x[0],
-                                    s->error_x[1], s->error_x[2], s->time};
+                                    s->error_x[1], s->error_x[2], s->time,       NULL};
     const int has_place = error == GR_ERR_NOT_FINITE || error == GR_ERR_RUNAWAY;
     return has_place ? gr_raise_at(error, &at) : gr_raise(error, NULL);
 }

@@ -93,13 +93,15 @@ def growth(scene: Scene, points: int) -> float:
     return points * _GROWTH[scene.dim]
 
 
-def check(scene: Scene, force: bool, share: float = 1.0) -> None:
+def check(scene: Scene, force: bool, share: float = 1.0, of_device: float | None = None) -> None:
     """Refuse a scene that needs more memory than the machine has, unless `force` is set.
 
     Parameters
     ----------
     share : float
         Share of the points that this machine has; it seeds all of them in any case.
+    of_device : float, optional
+        Memory of the device that makes the steps [bytes], if it is not that of the machine.
 
     Raises
     ------
@@ -111,8 +113,11 @@ def check(scene: Scene, force: bool, share: float = 1.0) -> None:
     # If there is memory for all squares of the seeding lattices, the open ones need no count.
     counts = [most_points(scene.grid, fill) for fill in scene.fills]
     counts += entering(scene, scene.inflows)
-    if _memory(scene, counts, [MOST_RATIO] * len(counts), share) > memory.available_memory():
-        refuse(scene, *size(scene, share))
+    available = memory.available_memory()
+    if of_device is not None:
+        available = min(available, of_device)
+    if _memory(scene, counts, [MOST_RATIO] * len(counts), share) > available:
+        refuse(scene, *size(scene, share), available)
 
 
 def _memory(scene: Scene, counts: Sequence[int], ratios: Sequence[float], share: float) -> float:

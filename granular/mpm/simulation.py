@@ -106,7 +106,7 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
     ) -> None:
         wall_forces = truth("tractions", tractions) or truth("wall_forces", wall_forces)
         machine = Machine(threads, isa, device)
-        memory.check(scene, force)
+        memory.check(scene, force, of_device=machine.memory)
         check_overlaps(scene)
         diagnostics.warn(scene)
         parts = list(core.initial_parts(scene))

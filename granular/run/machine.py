@@ -2,14 +2,44 @@
 
 from __future__ import annotations
 
+import gzip
 from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
 
 from granular import _core
 from granular.tools.buffers import default_isa
 from granular.tools.checks import integer, one_of, set_fields
 
-DEVICES = ("emulated",)
+DEVICES = ("gpu", "emulated")
 """Devices that are not processors."""
+
+
+def _kernels() -> tuple[bytes, ...]:
+    """Return the kernels for GPUs, in double and in single precision."""
+    texts = [files("granular") / f"gpu_{precision}.ptx.gz" for precision in ("double", "single")]
+    if not all(text.is_file() for text in texts):
+        raise RuntimeError(
+            "this build has no kernels for GPUs; build it where there is clang 17 or later, with "
+            "GRANULAR_GPU=1"
+        )
+    return tuple(gzip.decompress(text.read_bytes()) for text in texts)
+
+
+@cache
+def open_gpu() -> _core.Gpu:
+    """Load the driver of the GPU and the kernels, once; return its name and its memory.
+
+    Raises
+    ------
+    RuntimeError
+        If there is no driver or no GPU, one of them is too old, or this build has no kernels.
+    """
+    try:
+        double, single = _kernels()
+        return _core.open_gpu(double, single)
+    except RuntimeError as error:
+        raise RuntimeError(f"device = 'gpu' cannot be used: {error}") from None
 
 
 @dataclass(frozen=True)
@@ -31,6 +61,8 @@ class Machine:
                 f"isa = {self.isa!r} must not be given with device = {self.device!r}, which "
                 'computes as "one_lane" does'
             )
+        if self.device == "gpu":
+            open_gpu()
 
     @property
     def kernels(self) -> str:
@@ -38,6 +70,11 @@ class Machine:
         if self.device is not None:
             return "one_lane"
         return default_isa() if self.isa is None else self.isa
+
+    @property
+    def memory(self) -> float | None:
+        """Memory of the device [bytes]; None if it is that of this machine."""
+        return float(open_gpu()["free"]) if self.device == "gpu" else None
 
     def refuse_device(self, what: str) -> None:
         """Raise ValueError if a device is to do what only processors do."""

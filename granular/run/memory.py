@@ -84,15 +84,17 @@ def entering(scene: BaseScene, inflows: Iterable[Inflow]) -> list[int]:
     ]
 
 
-def refuse(scene: BaseScene, points: int, memory: float) -> None:
-    """Refuse a scene of so many points that needs more memory [bytes] than the machine has.
+def refuse(scene: BaseScene, points: int, memory: float, available: float | None = None) -> None:
+    """Refuse a scene of so many points that needs more memory [bytes] than is available.
+
+    That is by default what this machine has.
 
     Raises
     ------
     ValueError
         Naming the number of points, the cells, and the memory needed and available.
     """
-    available = available_memory()
+    available = available_memory() if available is None else available
     if memory <= available:
         return
     cells = " x ".join(map(str, scene.grid.shape))

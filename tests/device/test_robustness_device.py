@@ -25,6 +25,7 @@ def both(scene, **watch):
 def check_bits(scene, *steps, **watch):
     """The bits of both after these numbers of steps, each in a call of its own."""
     sims = both(scene, **watch)
+    assert sims[0].dt == sims[1].dt  # which is found before any step
     for n in steps:
         for sim in sims:
             sim.step(n)
@@ -167,6 +168,6 @@ def test_bad_arguments_are_refused():
         gr.Simulation(small(), device="gpx")
     with pytest.raises(ValueError, match="isa = 'avx2' must not be given with device"):
         gr.Simulation(small(), device="emulated", isa="avx2")
-    with gr.ranks.threads(1) as comm:
-        with pytest.raises(ValueError, match="processes share runs on processors alone"):
-            gr.Simulation(small(), device="emulated", comm=comm)
+    alone = pytest.raises(ValueError, match="processes share runs on processors alone")
+    with gr.ranks.threads(1) as comm, alone:
+        gr.Simulation(small(), device="emulated", comm=comm)

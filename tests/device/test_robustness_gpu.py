@@ -1,0 +1,160 @@
+"""The way to a GPU by its driver, with a driver for tests whose GPU is the processor.
+
+It runs csrc/gpu_kernels.c, the source of the kernels for GPUs, so that all but a real driver, and
+the compiler that makes its text of them, is what a GPU has.
+"""
+
+import os
+import subprocess
+import sys
+import sysconfig
+import textwrap
+from pathlib import Path
+
+import pytest
+from oracle_fluidity import available
+
+import granular as gr
+
+ROOT = Path(__file__).parents[2]
+FOLDER = Path(__file__).parent
+FLAGS = [
+    "-fPIC",
+    "-std=gnu11",
+    "-O1",
+    "-ffp-contract=off",
+    "-fno-math-errno",
+    "-Wno-unused-function",
+]
+FLAGS += ["-DGR_ON_DEVICE", "-DGR_ONE_LANE", "-DGR_ISA=gpu", f"-I{ROOT}/csrc", f"-I{FOLDER}"]
+
+BEGIN = """
+    import sys
+    import warnings
+
+    sys.path.insert(0, {shared!r})
+    warnings.simplefilter("ignore")
+    import granular as gr
+    from granular.run import machine
+    from same_bits import bits
+    from schemes_by_name import scheme_of
+
+    machine._kernels = lambda: (b"// .version 8.0", b"// .version 8.0")
+"""
+"""How a script begins: this build may have no kernels for GPUs, which this driver does not need."""
+
+
+@pytest.fixture(scope="module")
+def driver(tmp_path_factory):
+    """Folder of the driver."""
+    if "one_lane" not in available():
+        pytest.skip("needs a fused multiply-add")
+    folder = tmp_path_factory.mktemp("driver")
+    compiler = sysconfig.get_config_var("CC").split()[0]
+    fuses = ["-mavx2", "-mfma"] if "avx2" in available() else []
+    kernels = [*FLAGS, *fuses, "-include", f"{FOLDER}/fake_driver.h", f"{ROOT}/csrc/gpu_kernels.c"]
+    jobs = [
+        subprocess.Popen([compiler, *kernels, "-c", "-o", f"{folder}/double.o"]),
+        subprocess.Popen([compiler, *kernels, "-DGR_SINGLE", "-c", "-o", f"{folder}/single.o"]),
+        subprocess.Popen(
+            [compiler, *FLAGS, f"{FOLDER}/fake_driver.c", "-c", "-o", f"{folder}/driver.o"]
+        ),
+    ]
+    assert not any(job.wait() for job in jobs)
+    objects = [f"{folder}/{name}.o" for name in ("double", "single", "driver")]
+    library = ["-shared", *objects, "-ldl", "-lm", "-o", f"{folder}/libcuda.so.1"]
+    subprocess.run([compiler, *library], check=True)
+    return folder
+
+
+def said(driver, script, **faults):
+    """What a script says that finds this driver."""
+    place = {"LD_LIBRARY_PATH": str(driver)} if driver else {}
+    environment = os.environ | place | {name: str(value) for name, value in faults.items()}
+    begin = textwrap.dedent(BEGIN).format(shared=str(ROOT / "tests" / "shared"))
+    command = [sys.executable, "-c", begin + textwrap.dedent(script)]
+    return subprocess.run(
+        command, check=True, capture_output=True, text=True, env=environment
+    ).stdout
+
+
+@pytest.mark.slow
+def test_a_gpu_has_the_bits_of_a_processor(driver):
+    """Both precisions, planes and rings, cell averages, XPIC, an inflow, and a restart."""
+    script = """
+        def check(name, numbers, steps=80, **scheme):
+            scene = gr.scenes.registry[name](**numbers)
+            scene = scene.replace(scheme=scene.scheme.replace(**scheme))
+            one = gr.Simulation(scene, threads=1, isa="one_lane")
+            gpu = gr.Simulation(scene, device="gpu")
+            one.step(steps)
+            gpu.step(steps // 2)
+            point = gpu.checkpoint()
+            gpu = gr.Simulation.from_checkpoint(scene, point, device="gpu")
+            gpu.step(steps - steps // 2)
+            assert gpu._engine.foreign_array() is None
+            print(name, bits(one) == bits(gpu))
+
+        averaged = gr.mpm.schemes.cell_averaged
+        for precision in ("double", "single"):
+            check("column_collapse", {"cell": 0.05}, precision=precision)
+            check("cylinder_collapse", {"cell": 0.1}, precision=precision)
+        check("cylinder_collapse", {"cell": 0.05, "axisymmetric": True})
+        check("column_collapse", {"cell": 0.05, "scheme": averaged})
+        xpic = scheme_of("quadratic", "xpic", "particle")
+        check("column_collapse", {"cell": 0.05, "scheme": xpic})
+        check("silo_fed", {"cell": 0.02, "duration": 0.3})
+    """
+    lines = said(driver, script).splitlines()
+    assert len(lines) == 8
+    assert all(line.endswith("True") for line in lines), lines
+
+
+REFUSED = """
+    try:
+        gr.Simulation(gr.scenes.column_collapse(cell=0.1), device="gpu")
+    except (RuntimeError, ValueError) as error:
+        print(error)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("fault", "why"),
+    [
+        ("none", "finds no GPU"),
+        ("old_driver", "the driver is too old: it is of CUDA 11.4, must be of 12.0 or later"),
+        ("old_gpu", "the GPU is too old: it has compute capability 6.0, must have 7.5"),
+        ("little_memory", "of memory, must be at most the 0.00098 GB that are available"),
+    ],
+)
+def test_a_gpu_that_cannot_be_used_says_why(driver, fault, why):
+    assert why in said(driver, REFUSED, FAKE_GPU=fault)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("launches", [0, 302, 307, 1000])
+def test_a_gpu_that_is_lost_is_said_and_the_record_goes_on(driver, launches, tmp_path):
+    """The run ends in any stage of a step; a processor goes on from the last checkpoint."""
+    script = f"""
+        scene, path = gr.scenes.column_collapse(cell=0.05), {str(tmp_path / "run.h5")!r}
+        try:
+            gr.Simulation(scene, device="gpu").run(until=0.3, save=path, every=1e-3)
+        except gr.SimulationError as error:
+            print(error, error.step)
+        sim = gr.Simulation.resume(path, threads=1)
+        sim.run(until=0.01)
+        alone = gr.Simulation(scene, threads=1, isa=sim.isa)
+        alone.run(until=0.01, every=1e-3, save={str(tmp_path / "alone.h5")!r})
+        print(bits(sim) == bits(alone))
+    """
+    lines = said(driver, script, FAKE_GPU="lost", FAKE_LAUNCHES=launches).splitlines()
+    assert "the device has failed in step" in lines[0]
+    assert "it was lost (error 719 of the driver)" in lines[0]
+    assert lines[1] == "True"
+
+
+def test_without_a_driver_there_is_no_gpu():
+    """The argument and what is missing are named, also where the build has no kernels."""
+    with pytest.raises(RuntimeError, match=r"device = 'gpu' cannot be used: .*(driver|kernels)"):
+        gr.Simulation(gr.scenes.column_collapse(cell=0.1), device="gpu")
