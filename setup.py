@@ -11,6 +11,7 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 import sysconfig
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
@@ -220,7 +221,7 @@ setup(
         Extension(
             "granular._core",
             sources=SOURCES,
-            libraries=["m"],
+            libraries=["m", "dl"] if sys.platform == "linux" else ["m"],
             extra_link_args=["-pthread"],
             include_dirs=["csrc", numpy.get_include()],
             depends=[

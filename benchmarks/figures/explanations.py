@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -343,6 +343,58 @@ def axisymmetry(quick: bool) -> Picture:
     return made
 
 
+# ---- a device ----
+
+
+def _cells(axes: Axes, left: float, low: float, colors: Sequence[str], label: str) -> None:
+    """Draw a row of cells with these colours, and what it is to the left of it."""
+    for k, color in enumerate(colors):
+        axes.add_patch(Rectangle((left + k, low), 1, 1, fc=color, ec="white", lw=1.5))
+    axes.text(left - 0.3, low + 0.5, label, ha="right", va="center")
+
+
+def device(quick: bool) -> Picture:
+    """Lanes and threads for the same cells; and places in the list of points that change cells."""
+    made, (lanes, places) = picture(1.0, 1.0, height=3.0)
+    light = [f"{color}66" for color in (BLUE, ORANGE, GREEN, RED)]
+    lanes.set_title("Who computes a cell")
+    _cells(lanes, 0, 5, [light[0]] * 4 + [light[1]] * 4, "cells")
+    for tile in range(2):
+        lanes.text(4 * tile + 2, 5.5, f"tile {tile + 1}", ha="center", va="center")
+    _cells(lanes, 0, 2.7, [light[0]] * 4, "processor")
+    lanes.text(2, 3.2, "vector of 4 lanes", ha="center", va="center")
+    lanes.annotate(
+        "then tile 2", (6.6, 3.2), (4.2, 3.2), va="center", arrowprops={"arrowstyle": "->"}
+    )
+    _cells(lanes, 0, 0.4, light * 2, "GPU")
+    for k in range(8):
+        lanes.text(k + 0.5, 0.9, str(k), ha="center", va="center")
+    lanes.text(4, 0.05, "a thread for each cell, all at once", ha="center", va="top")
+    lanes.set(xlim=(-2.8, 8.1), ylim=(-0.7, 6.4))
+
+    leaving = (0, 2, 0, 1, 0, 0, 3, 0)
+    before = np.cumsum((0, *leaving[:-1]))
+    colors = [light[k % 4] if n else "#e8e8e8" for k, n in enumerate(leaving)]
+    places.set_title("Points that change their cells")
+    for low, label, numbers in (
+        (5.0, "leaving", leaving),
+        (2.7, "sum of those before", before),
+    ):
+        _cells(places, 0, low, colors, label)
+        for k, number in enumerate(numbers):
+            places.text(k + 0.5, low + 0.5, str(number), ha="center", va="center")
+    row = [colors[k] for k, n in enumerate(leaving) for _ in range(n)]
+    _cells(places, 0, 0.4, row, "list")
+    for k in (1, 3, 6):
+        start, end = (k + 0.5, 2.7), (before[k] + 0.5, 1.45)
+        places.annotate("", end, start, arrowprops={"arrowstyle": "->"})
+    places.text(4, 0.05, "in the order of the cells, as on a processor", ha="center", va="top")
+    places.set(xlim=(-4.6, 8.1), ylim=(-0.7, 6.4))
+    for axes in (lanes, places):
+        axes.axis("off")
+    return made
+
+
 PAGES: dict[str, Callable[[bool], Picture]] = {
     "laws": laws,
     "transfers": transfers,
@@ -352,6 +404,7 @@ PAGES: dict[str, Callable[[bool], Picture]] = {
     "determinism": determinism,
     "bodies": bodies,
     "core": core,
+    "device": device,
 }
 
 

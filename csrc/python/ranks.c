@@ -60,6 +60,7 @@ PyObject *gr_python_share(struct gr_object *self, struct gr_engine *e, PyObject 
     if (gr_refuse_range("size", size, 1, INT32_MAX) || gr_refuse_range("rank", rank, 0, size - 1) ||
         gr_refuse_range("edge", edge, 0, INT32_MAX))
         return NULL;
+    if (e->device) return PyErr_Format(PyExc_ValueError, "an engine with a device cannot be shared");
     int64_t blocks = 1;
     for (int d = 0; d < 3; d++) blocks *= gr_ranks_blocks(e, d, edge);
     if (PyArray_DIM(array, 0) != blocks)

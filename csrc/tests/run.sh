@@ -33,7 +33,7 @@ x86_64 | amd64 | i686)
 esac
 
 # The core is all that does not know Python; kernels.c includes the *.inl. With it, what all tests share.
-core=(csrc/{core,law,fluidity,body,mpm,contact,engine,sph}/*.c csrc/dispatch.c csrc/tests/{check,scene,faults}.c)
+core=(csrc/{core,law,fluidity,body,mpm,contact,engine,gpu,sph}/*.c csrc/dispatch.c csrc/tests/{check,scene,faults}.c)
 
 tests=("$@")
 if [ $# = 0 ]; then

@@ -49,7 +49,13 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"{scene.name}: {cost(_to_the_end(scene, arguments.until))}")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", StabilityWarning)  # printed below in one line each
-        simulation = Simulation(scene, threads=arguments.threads, force=arguments.force, comm=comm)
+        simulation = Simulation(
+            scene,
+            threads=arguments.threads,
+            device=arguments.device,
+            force=arguments.force,
+            comm=comm,
+        )
     for warning in scene_warnings(scene):
         print(f"granular: warning: {warning}", file=sys.stderr)
     if arguments.picture or arguments.gif:
@@ -126,7 +132,11 @@ def resume(arguments: argparse.Namespace) -> int:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         simulation = Simulation.resume(
-            arguments.file, threads=arguments.threads, trust_code=arguments.trust_code, comm=comm
+            arguments.file,
+            threads=arguments.threads,
+            device=arguments.device,
+            trust_code=arguments.trust_code,
+            comm=comm,
         )
     for warning in caught:
         print(f"granular: warning: {warning.message}", file=sys.stderr)

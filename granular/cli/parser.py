@@ -241,6 +241,8 @@ def _add_run_options(command: Any, first: str = "", *, every: str) -> None:
     command.add_argument("--until", type=number, metavar="T", help=text)
     text = f"number of threads; default {first}1 for few points, else the number of processors"
     command.add_argument("--threads", type=whole, metavar="N", help=text)
+    text = "what makes the steps instead of the processor, with the same bits"
+    command.add_argument("--device", choices=("gpu", "emulated"), help=text)
     text = f"time between frames [s]; default {first}{every}"
     command.add_argument("--every", type=number, metavar="T", help=text)
     text = "wall-clock time after which the run ends, such as 3h50m, 45m or 600s, to be resumed"

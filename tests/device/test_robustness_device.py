@@ -168,6 +168,13 @@ def test_bad_arguments_are_refused():
         gr.Simulation(small(), device="gpx")
     with pytest.raises(ValueError, match="isa = 'avx2' must not be given with device"):
         gr.Simulation(small(), device="emulated", isa="avx2")
+    engine = gr.Simulation(small(), device="emulated")._engine
+    with pytest.raises(ValueError, match="an engine with a device cannot be shared"):
+        engine.share(None, 0, 1, 0, np.zeros(1, dtype=np.int32))
+    with pytest.raises(ValueError, match="n = -1 must not be negative"):
+        engine.zeros(-1)
+    with pytest.raises(MemoryError):
+        engine.zeros(2**62)
     alone = pytest.raises(ValueError, match="processes share runs on processors alone")
     with gr.ranks.threads(1) as comm, alone:
         gr.Simulation(small(), device="emulated", comm=comm)
