@@ -216,6 +216,22 @@ static inline vd v_exp(vd x)
     return e * (vd)(((vi)t << GR_MANTISSA) + (vi)v_set(1.0));
 }
 
+#define GR_LOG_TERMS GR_PRECISION(23, 9) /* of the series of artanh, for |z| <= 0.172 */
+
+/* ln(x) for a normal x > 0, to two units of its last digit: x = m 2^n with m from sqrt(1/2) to sqrt(2), by the exponent
+ * bits, and ln m = 2 artanh(z) with z = (m - 1)/(m + 1), a power series. */
+static inline vd v_log(vd x)
+{
+    const vd shift = v_set(GR_ROUNDING), one = v_set(1.0);
+    const vi exponent = ((vi)x - (vi)v_set(0.70710678118654752)) >> GR_MANTISSA;
+    const vd n = (vd)(exponent + (vi)shift) - shift, m = (vd)((vi)x - (exponent << GR_MANTISSA));
+    const vd z = (m - one) / (m + one), square = z * z;
+    vd sum = v_set(1.0 / GR_LOG_TERMS);
+    for (int k = GR_LOG_TERMS - 2; k > 1; k -= 2) sum = v_fma(sum, square, v_set(1.0 / k));
+    const vd twice = z + z;
+    return v_fma(n, v_set(GR_LN_2), v_fma(n, v_set(GR_LN_2_REST), v_fma(twice * square, sum, twice)));
+}
+
 static inline vd v_mul(vd a, vd b) { return a * b; }
 static inline vd v_add(vd a, vd b) { return a + b; }
 static inline vd v_sub(vd a, vd b) { return a - b; }

@@ -17,7 +17,15 @@
  *
  * with phi in psi from the beginning of the step, since it changes over a shear of 1/m. The first equation gives q(x), so
  * that the second is one equation for x, which falls to a single root unless loose material liquefies: there it may stay
- * positive, and q goes to zero. Newton's method within an interval that holds the root. */
+ * positive, and q goes to zero. Newton's method within an interval that holds the root.
+ *
+ * With a critical-state line (Li & Wang 1998, J. Geotech. Geoenviron. Eng. 124, 1215) phi_c depends on the pressure:
+ *
+ *   1/phi_c(p) = 1/phi_c(0) - slope (p/p_a)^exponent,   phi_c(p) <= GR_DENSEST_CRITICAL.
+ *
+ * A step has phi_c of the trial pressure P = K c, and the fall of psi with the pressure that dilation adds, K psi dgamma, to
+ * the first order: psi -> psi/(1 + b K dgamma) with b = m dphi_c/dp at P, and dgamma = xi dt x sqrt(P) in it. With phi_c(P)
+ * alone the pressure of stiff dense material that is held in overshoots and rings where b K dgamma > 2. */
 #pragma once
 
 #include "core/simd.h"
@@ -26,9 +34,13 @@
 #define GR_DILATANT_LAST 1e-6      /* relative size of a last step: the error that it leaves is of the order of its square */
 #define GR_DILATANT_UNBOUNDED 1e30 /* end of the interval before one is found */
 
+#define GR_ATMOSPHERE 101325.0  /* p_a, Pa */
+#define GR_DENSEST_CRITICAL 0.8 /* the largest packing of a fill: a line that goes on would leave no pores at 10 MPa */
+
 struct gr_dilatant_numbers {
     vd rise, loosens;           /* of mu + psi, and of psi, from s = 0 to s = 1 */
     vd xi_dt, G_xi_dt, K_xi_dt; /* as above */
+    vd yields;                  /* b K xi dt sqrt(P), with a critical-state line */
 };
 
 struct gr_dilatant_flow {
@@ -38,13 +50,21 @@ struct gr_dilatant_flow {
 /* q, and what else is known at x. */
 struct gr_dilatant_state {
     vd s, slope, psi, friction, root, q; /* s and its derivative; psi; mu + psi; sqrt(beta^2 + 4 p); q */
+    vd bends;                            /* of a line: change by it of the derivatives of psi and of mu + psi */
 };
 
-static inline struct gr_dilatant_state gr_dilatant_at(const struct gr_dilatant_numbers *n, vd x, vd p, vd psi, vd friction)
+GR_INLINE struct gr_dilatant_state gr_dilatant_at(const int line, const struct gr_dilatant_numbers *n, vd x, vd p, vd psi,
+                                                  vd friction)
 {
     const vd one = v_set(1.0), inverse = one / (one + x), zero = v_zero();
     struct gr_dilatant_state at = {.s = x * inverse, .slope = inverse * inverse};
     at.psi = v_fma(n->loosens, at.s, psi), at.friction = v_fma(n->rise, at.s, friction);
+    if (line) {
+        const vd share = one / v_fma(n->yields, x, one), full = at.psi, steep = n->loosens * at.slope;
+        at.psi = full * share;
+        at.friction = at.friction + (at.psi - full);
+        at.bends = share * v_fnma(n->yields, at.psi, steep) - steep;
+    }
     const vd beta = n->K_xi_dt * x * at.psi;
     at.root = v_sqrt(v_fma(beta, beta, v_set(4.0) * p));
     const vd sum = v_abs(beta) + at.root;
@@ -61,20 +81,21 @@ static inline vd gr_dilatant_start(const struct gr_dilatant_numbers *n, vd trial
 }
 
 /* The flow of a step.
- * Given: tau_trial > friction p, p = K c > 0 in the lanes of `flows`, else undefined; psi and mu + psi at I = 0. A lane
- * stops by itself: its result does not depend on other lanes. */
-static inline struct gr_dilatant_flow gr_flow_dilatant(const struct gr_dilatant_numbers *n, vd trial, vd p, vd psi,
-                                                       vd friction, vm flows)
+ * Given: `line`, 1 with a critical-state line; tau_trial > friction p, p = K c > 0 in the lanes of `flows`, else undefined;
+ * psi and mu + psi at I = 0. A lane stops by itself: its result does not depend on other lanes. */
+GR_INLINE struct gr_dilatant_flow gr_flow_dilatant(const int line, const struct gr_dilatant_numbers *n, vd trial, vd p,
+                                                   vd psi, vd friction, vm flows)
 {
     const vd zero = v_zero(), two = v_set(2.0), most = v_set(GR_DILATANT_UNBOUNDED);
     vd x = v_keep(flows, v_min(most, gr_dilatant_start(n, trial, p, friction))), low = zero, high = most;
     vm wanted = flows;
     for (int k = 0; k < GR_DILATANT_STEPS && m_bits(wanted); k++) {
-        const struct gr_dilatant_state at = gr_dilatant_at(n, x, p, psi, friction);
+        const struct gr_dilatant_state at = gr_dilatant_at(line, n, x, p, psi, friction);
         const vd per_q = at.friction * at.q, left = v_fnma(v_fma(n->G_xi_dt, x, per_q), at.q, trial);
-        const vd q_slope = n->K_xi_dt * v_fma(n->loosens * x, at.slope, at.psi) * at.q / at.root;
-        const vd fall =
-            v_fma(v_fma(n->G_xi_dt, x, two * per_q), q_slope, v_fma(n->rise * at.slope, at.q, n->G_xi_dt) * at.q);
+        vd of_product = v_fma(n->loosens * x, at.slope, at.psi), steep = n->rise * at.slope; /* of x psi, mu + psi */
+        if (line) of_product = v_fma(x, at.bends, of_product), steep = steep + at.bends;
+        const vd q_slope = n->K_xi_dt * of_product * at.q / at.root;
+        const vd fall = v_fma(v_fma(n->G_xi_dt, x, two * per_q), q_slope, v_fma(steep, at.q, n->G_xi_dt) * at.q);
         const vm above = v_gt(left, zero); /* of the root: x is below it */
         low = v_select(above, x, low), high = v_select(above, high, x);
         const vd newton = x + left / fall;
@@ -84,10 +105,24 @@ static inline struct gr_dilatant_flow gr_flow_dilatant(const struct gr_dilatant_
         x = v_select(wanted, v_min(most, next), x);
         wanted = m_and(wanted, v_gt(step, v_set(GR_DILATANT_LAST) * x));
     }
-    const struct gr_dilatant_state at = gr_dilatant_at(n, x, p, psi, friction);
+    const struct gr_dilatant_state at = gr_dilatant_at(line, n, x, p, psi, friction);
     const vd gamma = n->xi_dt * x * at.q;
     return (struct gr_dilatant_flow){
         .tau = v_max(zero, at.friction * at.q * at.q), .gamma = gamma, .dilation = at.psi * gamma};
+}
+
+/* The critical packing at a pressure p > 0, and p times its derivative by p. */
+struct gr_critical {
+    vd packing, rise;
+};
+
+static inline struct gr_critical gr_critical_at(vd p, double phi_c, double slope, double exponent)
+{
+    const vd log_p = v_log(v_max(v_set(1e-9), p * v_set(1 / GR_ATMOSPHERE))), least = v_set(1 / GR_DENSEST_CRITICAL);
+    const vd fall = v_set(slope) * v_exp(v_set(exponent) * log_p), inverse = v_set(1 / phi_c) - fall;
+    const vd packing = v_set(1.0) / v_max(least, inverse);
+    return (struct gr_critical){.packing = packing,
+                                .rise = v_keep(v_gt(inverse, least), v_set(exponent) * fall * packing * packing)};
 }
 
 /* ln(b) for 0.05 < b <= 1: eight times the power series of artanh((r - 1)/(r + 1)) of r = b^1/4, r > 0.47; to 1e-8 at the

@@ -137,6 +137,16 @@ TEST(exponential)
     CHECK_NEAR(v_exp(v_zero())[0], 1, 0);
 }
 
+TEST(logarithm)
+{
+    for (double power = -300; power < 300; power += 0.0931) {
+        const double x = pow(10, power);
+        CHECK_NEAR(v_log(v_set(x))[0], log(x), 4e-16 * fabs(log(x)));
+    }
+    for (double x = 0.4; x < 2.5; x += 1e-3) CHECK_NEAR(v_log(v_set(x))[0], log(x), 4e-16 * fabs(log(x)) + 1e-16);
+    CHECK_NEAR(v_log(v_set(1))[0], 0, 0);
+}
+
 TEST(comparisons)
 {
     const vd one = v_set(1), two = v_set(2), nan = v_set(NAN);

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
+
+import numpy as np
 
 from granular.tools.checks import check_fields, in_range, one_of, positive
 from granular.tools.description import Description
@@ -138,12 +140,13 @@ class Material(Description):
         return self.yield_ratios_at(self.static_friction)
 
     @staticmethod
-    def yield_ratios_at(friction: float) -> tuple[float, float]:
-        """`yield_ratios` of material that begins to flow at the given friction."""
-        root = math.sqrt(3.0)
-        low = (root - friction) / (root + 2 * friction) if friction < root else 0.0
-        high = (root + friction) / (root - 2 * friction) if 2 * friction < root else math.inf
-        return low, high
+    def yield_ratios_at(friction: Any) -> tuple[Any, Any]:
+        """`yield_ratios` of material that begins to flow at a friction, a number or an array."""
+        root, mu = math.sqrt(3.0), np.asarray(friction, dtype=float)
+        less, least = np.minimum(mu, root), np.minimum(mu, root / 2)
+        with np.errstate(divide="ignore"):
+            high = (root + least) / (root - 2 * least)
+        return ((root - less) / (root + 2 * less))[()], high[()]
 
     @property
     def K0(self) -> float:
@@ -152,11 +155,11 @@ class Material(Description):
         It is nu/(1 - nu), without any strain to the sides, or the least of `yield_ratios` if that
         is more: the material then yields as it settles.
         """
-        return self.K0_at(self.static_friction)
+        return float(self.K0_at(self.static_friction))
 
-    def K0_at(self, friction: float) -> float:
-        """`K0` of material that begins to flow at the given friction."""
-        return max(self.nu / (1.0 - self.nu), self.yield_ratios_at(friction)[0])
+    def K0_at(self, friction: Any) -> Any:
+        """`K0` of material that begins to flow at a friction, a number or an array."""
+        return np.maximum(self.nu / (1.0 - self.nu), self.yield_ratios_at(friction)[0])[()]
 
     def _repr_html_(self) -> str:
         rows = {name: value for name, value in self.arguments().items() if value is not None}

@@ -126,12 +126,14 @@ def rest_density(material: Any, packing: float | None) -> float:
     return rho_c if packing is None else packing * material.rho_s
 
 
-def rest_friction(material: Any, packing: float | None) -> float:
-    """Friction tau/p at which material of a source begins to flow."""
-    friction: float = (
-        material.static_friction if packing is None else material.peak_friction(packing)
-    )
-    return friction
+def rest_friction(material: Any, packing: float | None, pressure: Any) -> Any:
+    """Friction tau/p at which material of a source begins to flow at a pressure [Pa].
+
+    A number, of material that dilates as many as there are pressures.
+    """
+    if not getattr(material, "dilates", False):
+        return material.static_friction
+    return material.peak_friction(material.phi_c if packing is None else packing, pressure)
 
 
 def check_packing(name: str, material: Any, packing: float | None) -> None:
@@ -143,7 +145,7 @@ def check_packing(name: str, material: Any, packing: float | None) -> None:
         raise ValueError(
             f"{name}.packing = {packing} must be None for {kind}, which does not dilate"
         )
-    if material.peak_friction(packing) <= 0:
+    if material.peak_friction(packing, 0.0) <= 0:
         least = material.phi_c - material.mu_s / material.dilatancy
         raise ValueError(
             f"{name}.packing = {packing} must exceed {least:.4g}, phi_c - mu_s/dilatancy, below "

@@ -12,7 +12,7 @@ from granular import _core
 from granular.materials import NGF, Material
 from granular.materials.law_functions import MOST_HISTORY
 from granular.materials.own import OwnLaw
-from granular.model.fill import rest_density, rest_friction
+from granular.model.fill import rest_density
 from granular.model.inflow import inlet_points
 from granular.model.seeding import Points
 from granular.mpm.axis_nodes import c0_lines
@@ -65,7 +65,7 @@ def _cutoff(scene: Scene) -> float:
 def _parameters(scene: Scene, material: Material) -> dict[str, float]:
     """Parameters of a law by their names in the core, and other numbers of the material."""
     numbers = material.arguments() | {"K": material.K, "G": material.G}
-    for derived in ("xi", "I1", "tensile_strength"):
+    for derived in ("xi", "I1", "tensile_strength", "phi_fast"):
         if hasattr(material, derived):
             numbers[derived] = getattr(material, derived)
     if isinstance(material, NGF):
@@ -337,15 +337,13 @@ def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
         for name in ("rho_c", "K", "granular")
     )
     hencky = np.array([material.elasticity == "hencky" for material in scene.materials])[number]
-    rho_rest, friction = (
-        np.array([get(part.material or scene.material, part.packing) for part in scene.sources])[
-            points.fill
-        ]
-        for get in (rest_density, rest_friction)
-    )
+    densities = [
+        rest_density(part.material or scene.material, part.packing) for part in scene.sources
+    ]
+    rho_rest = np.array(densities)[points.fill]
     weight = math.hypot(*scene.gravity.at(0.0)) * (rho_rest * points.depth + points.overburden)
     cohesion = np.array([getattr(m, "cohesion", 0.0) for m in scene.materials])[number]
-    k, shape = stress_shape(scene, points, weight, friction, cohesion)
+    k, shape = stress_shape(scene, points, weight, cohesion)
     compression = rest_compression(k * weight, K, hencky)
     origin = np.array([getattr(m, "separation", 0.0) for m in scene.materials])[number]
     lithostatic = np.array([source.lithostatic for source in scene.sources])[points.fill]

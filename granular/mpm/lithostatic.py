@@ -31,8 +31,62 @@ _COMPONENTS = ((0, 1, 2, 0, 1, 0), (0, 1, 2, 1, 2, 2))
 """Rows and columns of the components xx, yy, zz, xy, yz, xz of a stress."""
 
 
+def _frictions(scene: Scene, points: Points, pressure: Array) -> Array:
+    """Friction tau/p at which the points begin to flow at a pressure [Pa]; may be infinite."""
+    each = [(source.material or scene.material, source.packing) for source in scene.sources]
+    friction: Array = np.array([rest_friction(*source, 0.0) for source in each])[points.fill]
+    for i, (material, packing) in enumerate(each):
+        if getattr(material, "csl_slope", 0.0):
+            here = points.fill == i
+            friction[here] = rest_friction(material, packing, pressure[here])
+    return friction
+
+
+def _ratios(scene: Scene, points: Points, weight: Array) -> Array:
+    """K0 at the points, 1 outside of lithostatic fills.
+
+    A K0 that is not given is that of the friction at the vertical stress. Where friction falls with
+    pressure this is on the safe side, as the pressure is less than that.
+    """
+    K0 = np.ones(len(weight))
+    friction = _frictions(scene, points, weight)
+    for i, fill in enumerate(scene.fills):
+        if fill.lithostatic:
+            here = points.fill == i
+            material = fill.material or scene.material
+            K0[here] = material.K0_at(friction[here]) if fill.K0 is None else fill.K0
+    return K0
+
+
+def _check_line(scene: Scene, points: Points, p: Array) -> None:
+    """Refuse fills that bear no deviator at their pressure, and a K0 that yields at it.
+
+    Those of material whose friction falls along a critical-state line alone: others are refused by
+    the scene.
+    """
+    friction = _frictions(scene, points, p)
+    for i, fill in enumerate(scene.fills):
+        material = fill.material or scene.material
+        slope, here = getattr(material, "csl_slope", 0.0), points.fill == i
+        if not (fill.lithostatic and slope and here.any()):
+            continue
+        worst = int(np.argmin(np.where(here, friction, math.inf)))
+        at = f"at {p[worst]:.6g} Pa on the critical-state line"
+        if friction[worst] <= 0:
+            raise ValueError(
+                f"fills[{i}].packing = {fill.packing} must be larger, or csl_slope = {slope} "
+                f"smaller: {at} the material has no friction"
+            )
+        low, high = material.yield_ratios_at(friction[worst])
+        if fill.K0 is not None and not low <= fill.K0 <= high:
+            raise ValueError(
+                f"fills[{i}].K0 = {fill.K0} must be from {low:.6g} to {high:.6g}, the ratios at "
+                f"which a material of friction {friction[worst]:.6g} yields {at}"
+            )
+
+
 def stress_shape(
-    scene: Scene, points: Points, weight: Array, friction: Array, cohesion: Array
+    scene: Scene, points: Points, weight: Array, cohesion: Array
 ) -> tuple[Array, Array]:
     """Ratio k of the pressure to the weight above, and the stress over the pressure, -S/k.
 
@@ -44,8 +98,8 @@ def stress_shape(
     ----------
     weight : ndarray, shape (n,)
         Weight of the material above per area [Pa].
-    friction, cohesion : ndarray, shape (n,)
-        Of the yield surface, the cohesion [Pa]; the friction may be infinite.
+    cohesion : ndarray, shape (n,)
+        Of the yield surface [Pa].
 
     Returns
     -------
@@ -58,16 +112,10 @@ def stress_shape(
     up, slope = np.zeros(3), np.zeros((len(points.x), 3))
     up[: scene.dim] = -gravity / size if size else 0.0
     slope[:, : scene.dim] = points.slope
-    materials = [source.material or scene.material for source in scene.sources]
-    ratios = [
-        (m.K0_at(rest_friction(m, fill.packing)) if fill.K0 is None else fill.K0)
-        if fill.lithostatic
-        else 1.0
-        for fill, m in zip(scene.fills, materials, strict=False)
-    ]
-    K0 = np.array([*ratios, *[1.0] * len(scene.inflows)])[points.fill]
+    K0 = _ratios(scene, points, weight)
     steep = K0 * (slope * slope).sum(axis=1)
     k = K0 + (1.0 - K0 + steep) / 3.0
+    _check_line(scene, points, k * weight)
     S = K0[:, None, None] * np.eye(3)
     S += (1.0 - K0 + steep)[:, None, None] * np.outer(up, up)
     tilted = slope[:, :, None] * up
@@ -75,6 +123,7 @@ def stress_shape(
     # The deviator over the pressure, within yield.
     deviator = S / k[:, None, None] - np.eye(3)
     tau = np.sqrt(0.5 * (deviator**2).sum(axis=(1, 2)))
+    friction = _frictions(scene, points, k * weight)
     with np.errstate(over="ignore"):  # material that bears any deviator
         borne = friction + cohesion / np.maximum(k * weight, _TINY)
         deviator *= np.minimum(1.0, borne / np.maximum(tau, _TINY))[:, None, None]

@@ -188,6 +188,8 @@ class Froude:
         values = arguments_of(part)
         if values.get("xi") is not None:
             values["xi"] /= self.length  # I0/(d sqrt(rho_s))
+        if values.get("csl_slope"):  # of the pressure of the atmosphere, which is not scaled
+            values["csl_slope"] /= self.length ** values["csl_exponent"]
         quantities = _QUANTITIES[kind]
         return kind(
             **{

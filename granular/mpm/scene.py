@@ -169,7 +169,7 @@ class Scene(BaseScene):
             material = fill.material or self.material
             if fill.K0 is None or getattr(material, "cohesion", 0.0) > 0.0:
                 continue
-            friction = rest_friction(material, fill.packing)
+            friction = rest_friction(material, fill.packing, 0.0)  # largest; see lithostatic.py
             low, high = material.yield_ratios_at(friction)
             if not low <= fill.K0 <= high:
                 raise ValueError(

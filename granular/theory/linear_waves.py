@@ -20,6 +20,8 @@ besides. In steady flow its angle of dilation is 0, and with the tangent psi = m
     Dc = -div v + psi g,   D ln(phi) = -psi g,   tau = (mu(I) + psi) p,
 
 so that r is that of mu(I) + m (phi_c - phi_eq(I)), and g' has the further term -g m phi'/(r mu).
+With a critical-state line phi_c depends on the pressure, and psi' and g' have terms of p' besides:
+-m dphi_eq/dp p' and g m dphi_eq/dp p'/(r mu).
 
 The wave vector is taken as constant, though the shear turns it: its component along y changes by
 -g k_x per time. The differences of normal stress of the base flow, of the order of mu p/G, are
@@ -34,6 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.materials import DilatantMuI, MuI, RegularisedMuI
+from granular.materials.dilatant import DENSEST_CRITICAL
 from granular.theory.incline import check_cohesionless
 from granular.theory.well_posed import _friction
 from granular.tools.checks import positive, vector
@@ -54,15 +57,26 @@ def _base(material: _Law, inertial_number: float, pressure: float) -> tuple[floa
         )
     mu, r = _friction(inertial_number / material.I0, material)
     if isinstance(material, DilatantMuI):
-        r += _loosening(material, inertial_number) / mu
+        r += _loosening(material, inertial_number, pressure) / mu
     rate = inertial_number / material.d * math.sqrt(pressure / material.rho_s)
     return float(mu), float(r), rate
 
 
-def _loosening(material: DilatantMuI, inertial_number: float) -> float:
-    """Derivative of the angle of dilation by ln I at a constant packing."""
+def _loosening(material: DilatantMuI, inertial_number: float, pressure: float) -> float:
+    """Derivative of the angle of dilation by ln I at a constant packing and pressure."""
     share = material.I0 * inertial_number / (material.I0 + inertial_number) ** 2
-    return material.dilatancy * (material.phi_c - material.phi_fast) * share
+    span = material.critical_packing(pressure) - material.phi_fast
+    return float(material.dilatancy * span * share)
+
+
+def _stiffening(material: DilatantMuI, inertial_number: float, pressure: float) -> float:
+    """Minus the derivative of the angle of dilation by ln p, at a constant packing and I."""
+    critical = float(material.critical_packing(pressure))
+    if not material.csl_slope or critical >= DENSEST_CRITICAL:
+        return 0.0
+    fall = 1.0 / material.phi_c - 1.0 / critical  # of the void ratio
+    share = material.I0 / (material.I0 + inertial_number)
+    return material.dilatancy * share * critical**2 * material.csl_exponent * fall
 
 
 def shear_waves(
@@ -97,7 +111,8 @@ def shear_waves(
     mu, r, g = _base(material, number, p)
     G, K, rho, count = material.G, material.K, material.rho_c, 6
     if isinstance(material, DilatantMuI):
-        rho, count = material.rho_s * material.packing(number), 7
+        packing = float(material.packing(number, p))
+        rho, count = material.rho_s * packing, 7
     # Rows are equations, columns (v_x, v_y, s_xx, s_yy, s_xy, c, ln phi).
     A = np.zeros((count, count), dtype=complex)
     A[0, [2, 4, 5]] = np.array([x, y, -K * x]) * 1j / rho
@@ -122,10 +137,12 @@ def shear_waves(
     faster = np.zeros(count)  # g' by each
     faster[4], faster[5] = g / (r * mu * p), -g * (1.0 - 0.5 * r) * K / (r * p)
     if isinstance(material, DilatantMuI):
-        denser = material.dilatancy * material.packing(number)
+        denser, loosens = material.dilatancy * packing, _loosening(material, number, p)
+        stiffens = _stiffening(material, number, p)
+        faster[5] += g * stiffens * K / (r * mu * p)
         faster[6] = -g * denser / (r * mu)
-        dilates = _loosening(material, number) * faster  # psi' g
-        dilates[5] -= _loosening(material, number) * g * K / (2.0 * p)
+        dilates = loosens * faster  # psi' g
+        dilates[5] -= (0.5 * loosens + stiffens) * g * K / p
         dilates[6] += denser * g
         A[5] += dilates
         A[6] -= dilates

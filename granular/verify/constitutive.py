@@ -29,7 +29,7 @@ SEPARATION = 500.0
 def law_parameters(material: Material) -> dict[str, float]:
     """Parameters of the material by the names of the C core."""
     known = {**material.arguments(), "K": material.K, "G": material.G}
-    for derived in ("xi", "tensile_strength"):
+    for derived in ("xi", "tensile_strength", "phi_fast"):
         if hasattr(material, derived):
             known[derived] = getattr(material, derived)
     names = [name for name, _, _ in _core.laws()[material.law][1]]

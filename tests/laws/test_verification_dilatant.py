@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import scipy
-from dilatant_point import Point, rates
+from dilatant_point import Point, critical_packing, rates
 
 import granular as gr
 from granular import DilatantMuI
@@ -135,6 +135,8 @@ def test_any_input_gives_a_state_of_the_law(dim):
         ({"phi_fast": 0.6}, "phi_fast = 0.6 must be .* 0.585"),
         ({"dilatancy": -1.0}, "dilatancy = -1.0 must be"),
         ({"mu_2": 0.3}, "mu_2 = 0.3 must exceed mu_s"),
+        ({"csl_slope": -0.01}, "csl_slope = -0.01 must be"),
+        ({"csl_slope": 0.02, "csl_exponent": 0.0}, "csl_exponent = 0.0 must be"),
         ({"rho_c": 1500.0}, r"rho_c = 1500.0 must be phi_c rho_s = 1550.25"),
         ({"elasticity": "hencky"}, "hypoelastic"),
         ({"d": 0.0}, "d = 0.0"),
@@ -143,6 +145,25 @@ def test_any_input_gives_a_state_of_the_law(dim):
 def test_refusals(changes, message):
     with pytest.raises(ValueError, match=message):
         DilatantMuI(**changes)
+
+
+def test_the_critical_state_line():
+    """Of the void ratio; what depends on the pressure is not known without one."""
+    sand = SAND.replace(csl_slope=0.05)
+    for p in (0.0, 1e3, 1e5, 1e6):
+        assert sand.critical_packing(p) == pytest.approx(critical_packing(sand, p), rel=1e-12)
+        share = (sand.phi_c - sand.packing(sand.I0, 0.0)) / (sand.phi_c - sand.phi_fast)
+        between = critical_packing(sand, p) * (1 - share) + sand.phi_fast * share
+        assert sand.packing(sand.I0, p) == pytest.approx(between, rel=1e-12)
+        most = sand.mu_s + sand.dilatancy * (0.62 - critical_packing(sand, p))
+        assert sand.peak_friction(0.62, p) == pytest.approx(most, rel=1e-12)
+    assert sand.critical_packing(1e9) == 0.8
+    assert SAND.peak_friction(0.62, [1e3, 1e6]) == pytest.approx([SAND.peak_friction(0.62)] * 2)
+    for call in (sand.critical_packing, lambda: sand.packing(0.1), lambda: sand.peak_friction(0.6)):
+        with pytest.raises(ValueError, match="pressure = None must be given"):
+            call()
+    with pytest.raises(ValueError, match=r"pressure = -1\.0 must be >= 0"):
+        sand.packing(0.1, -1.0)
 
 
 def test_theories_of_constant_density_refuse_it():
@@ -160,6 +181,9 @@ def test_theories_of_constant_density_refuse_it():
 def test_it_is_written_and_replaced():
     assert SAND.replace(phi_c=0.6).rho_c == pytest.approx(0.6 * SAND.rho_s)
     assert SAND.friction(0.0) == SAND.mu_s and SAND.packing(0.0) == SAND.phi_c
+    assert SAND.phi_fast == 0.53 and "phi_fast" not in SAND.arguments()
+    assert SAND.replace(phi_c=0.5).phi_fast == pytest.approx(0.445, abs=1e-12)
+    assert SAND.replace(phi_fast=0.5).replace(phi_c=0.6).phi_fast == 0.5
     assert SAND.packing(SAND.I0) == pytest.approx((SAND.phi_c + SAND.phi_fast) / 2)
     with pytest.raises(ValueError, match=r"I = -1\.0"):
         SAND.friction(-1.0)

@@ -9,12 +9,13 @@ import math
 
 import numpy as np
 import pytest
-from dilatant_point import Element, driven, exact
+from dilatant_point import Element, critical_packing, driven, exact
 
 from granular import DilatantMuI
 
 SAND = DilatantMuI(E=1e7)
 SLOW = SAND.replace(d=1e-6)
+ON_LINE = SAND.replace(E=1e8, csl_slope=0.05)
 PACKINGS = np.array([0.56, 0.585, 0.62])
 ROOT = math.sqrt(3.0)
 
@@ -29,28 +30,38 @@ SIMPLE_SHEAR = Element(SHEAR, diagonal(0, 1, 0), diagonal(0, 1, 0))
 OEDOMETER = Element(diagonal(0, 0, -1))
 
 
-@pytest.mark.parametrize("gdot", [0.1, 30.0])
 @pytest.mark.parametrize(
-    ("test", "p", "strain"),
-    [(TRIAXIAL, 20e3, 1.5), (SIMPLE_SHEAR, 20e3, 1.5), (OEDOMETER, 1e3, 0.02)],
-    ids=["triaxial", "simple shear", "oedometer"],
+    ("sand", "test", "p", "strain", "gdot"),
+    [
+        (SAND, TRIAXIAL, 20e3, 1.5, 0.1),
+        (SAND, TRIAXIAL, 20e3, 1.5, 30.0),
+        (SAND, SIMPLE_SHEAR, 20e3, 1.5, 0.1),
+        (SAND, SIMPLE_SHEAR, 20e3, 1.5, 30.0),
+        (SAND, OEDOMETER, 1e3, 0.02, 0.1),
+        (SAND, OEDOMETER, 1e3, 0.02, 30.0),
+        (ON_LINE, TRIAXIAL, 200e3, 1.5, 30.0),
+        (ON_LINE, SIMPLE_SHEAR, 500e3, 1.5, 0.1),
+        (ON_LINE, OEDOMETER, 1e3, 0.002, 0.1),
+    ],
 )
-def test_paths_converge_to_the_rate_equations(test, p, strain, gdot):
-    """All components of the stress, and the packing; the error falls with the first power of dt."""
+def test_paths_converge_to_the_rate_equations(sand, test, p, strain, gdot):
+    """All components of the stress, and the packing: mean errors over the path, which fall with the
+    first power of dt; on a line faster at first, as a part is of the second order."""
     end, errors = strain / gdot, []
+    steps = (200, 400) if sand is SAND else (400, 800)
     times = np.linspace(0, end, 9)[1:]
-    solved = [exact(SAND, packing, p, gdot, test, times) for packing in PACKINGS]
+    solved = [exact(sand, packing, p, gdot, test, times) for packing in PACKINGS]
     stress, packing = (np.array(values).swapaxes(0, 1) for values in zip(*solved, strict=True))
     size = abs(stress).max(axis=(0, 2, 3))
-    for steps in (200, 400):
-        path = driven(SAND, PACKINGS, p, gdot, test, end, steps)
-        at = np.arange(steps // 8 - 1, steps, steps // 8)
-        of_stress = abs(path.stress[at] - stress).max(axis=(0, 2, 3)) / size
-        errors.append(np.maximum(of_stress, abs(path.packing[at] / packing - 1).max(axis=0)))
+    for count in steps:
+        path = driven(sand, PACKINGS, p, gdot, test, end, count)
+        at = np.arange(count // 8 - 1, count, count // 8)
+        of_stress = abs(path.stress[at] - stress).max(axis=(2, 3)) / size
+        errors.append((of_stress + abs(path.packing[at] / packing - 1)).mean(axis=0))
     assert errors[-1].max() < 1.2e-3
     measurable = errors[-1] > 1e-6  # scipy leaves some 1e-7
     orders = np.log2(errors[0] / errors[1])[measurable]
-    assert len(orders) and orders == pytest.approx(1.0, abs=0.2), errors
+    assert len(orders) and orders.min() > 0.8 and (sand is ON_LINE or orders.max() < 1.2), errors
 
 
 @pytest.mark.parametrize("gdot", [0.1, 30.0])
@@ -91,6 +102,48 @@ def test_triaxial_compression_has_the_peak_and_the_volume_of_the_closed_forms():
     ratio = -volume / (np.diff(plastic, axis=0)[flows] / ROOT)  # compression is positive
     middle = (q / path.p)[1:][flows]
     assert middle + ratio == pytest.approx(critical, rel=2e-2)
+
+
+def test_sand_is_dense_at_a_small_pressure_and_loose_at_a_large_one():
+    """On a critical-state line the same packing has a peak and dilates, or has none and compacts;
+    the critical state is that of the pressure at the end."""
+    sand = SLOW.replace(E=1e8, csl_slope=0.05)
+    ends = []
+    for cell, dense in ((50e3, True), (1e6, False)):
+        path = driven(sand, 0.62, cell, 0.1, TRIAXIAL, 15.0, 1500)
+        friction, critical = path.tau[:, 0] / path.p[:, 0], critical_packing(sand, path.p[-1, 0])
+        assert friction[-1] == pytest.approx(sand.mu_s, rel=1e-2)
+        assert path.packing[-1, 0] == pytest.approx(critical, rel=1e-2)
+        assert (friction.max() > 1.1 * friction[-1]) == dense
+        assert (path.packing[-1, 0] < 0.62) == dense
+        ends.append(critical)
+        if dense:  # at first yield, where q = sqrt(3) tau and p = cell + q/3
+            yields = path.p[np.argmax(friction), 0]
+            assert friction.max() == pytest.approx(sand.peak_friction(0.62, yields), rel=5e-3)
+    assert ends[0] + 0.05 < ends[1]
+
+
+def test_stiff_sand_that_is_held_comes_to_the_pressure_of_its_packing_without_ringing():
+    """At a constant volume phi_c(p) = phi in the end. In ten steps of a shear of 0.05, the explicit
+    change of psi in a step would be b K dgamma = 4 to 16 times its cause: it rings from 2 on."""
+    sand = SLOW.replace(E=1e9, csl_slope=0.05)
+    packings = np.array([0.60, 0.62, 0.64])
+    path = driven(sand, packings, 200e3, 1.0, Element(SHEAR), 0.5, 10)
+    fall = 1 / sand.phi_c - 1 / path.packing[-1]
+    last = 101325 * (fall / sand.csl_slope) ** (1 / sand.csl_exponent)
+    assert path.p[-1] == pytest.approx(last, rel=1e-5)  # I is not quite 0: 4e-6 of the least
+    off = abs(np.concatenate([np.full((1, 3), 200e3), path.p]) - last)
+    assert (np.diff(off, axis=0) < 1e-5 * last).all()  # nearer with every step
+    crossings = (np.diff(np.sign(path.p[:5] - last), axis=0) != 0).sum(axis=0)
+    assert (crossings == 0).all()
+    b = sand.dilatancy * sand.csl_exponent * fall * path.packing[-1] ** 2 / last
+    assert (b * sand.K * 0.05 > 4).all() and (b * sand.K * 0.05).max() > 16
+    times = np.linspace(0, 0.5, 11)[1:]
+    path = driven(sand, packings, 200e3, 1.0, Element(SHEAR), 0.5, 200)
+    for i, packing in enumerate(packings):
+        stress, _ = exact(sand, packing, 200e3, 1.0, Element(SHEAR), times)
+        p = -np.trace(stress, axis1=1, axis2=2) / 3
+        assert path.p[19::20, i] == pytest.approx(p, rel=1e-4)
 
 
 def test_an_oedometer_is_elastic_and_then_yields():

@@ -10,6 +10,7 @@ from scenes_by_hand import scene_with
 import granular as gr
 from granular.measure.energy import plastic_power
 from granular.measure.profiles import inertial_number
+from granular.mpm.scaling import Froude
 
 BEADS = gr.DilatantMuI(E=1e6, d=0.005)
 DENSE, LOOSE = 0.6, 0.57
@@ -97,6 +98,49 @@ def test_a_fill_at_rest_is_within_yield_of_its_own_packing():
             scene.replace(fills=(fill.replace(K0=least * 0.999),))
 
 
+def test_a_deep_fill_is_within_yield_at_its_pressure():
+    """On a critical-state line the friction falls with the depth, and K0 rises with it: that of
+    yield at the vertical stress. Nothing is beyond the yield surface."""
+    sand = gr.DilatantMuI(E=1e6, csl_slope=0.3, csl_exponent=0.5)
+    fill = gr.Fill(gr.Box((0, 0), (0.2, 0.2)), 4, packing=0.6, lithostatic=True)
+    grid = gr.Grid((0.0, 0.0), 0.025, (8, 12), (True, False))
+    scene = scene_with(grid=grid, fills=(fill,), material=sand, walls=(gr.Wall(1, 0.0),))
+    state = gr.Simulation(scene, threads=1).state
+    vertical = -state.stress[:, 1]
+    mu = sand.peak_friction(0.6, vertical)
+    assert mu.max() - mu.min() > 0.05
+    yields = (math.sqrt(3) - mu) / (math.sqrt(3) + 2 * mu)
+    ratio = state.stress[:, 0] / state.stress[:, 1]
+    assert ratio == pytest.approx(np.maximum(0.3 / 0.7, yields), rel=1e-3)
+    most = sand.peak_friction(0.6, state.pressure) * state.pressure
+    assert (state.shear_stress <= most * (1 + 1e-9)).all()
+    rest = gr.Simulation(scene, threads=1).run(until=0.1).state
+    assert rest.bulking == pytest.approx(state.bulking, rel=1e-9) and np.abs(rest.v).max() < 1e-3
+    for changes, message in (
+        ({"K0": 0.5}, r"fills\[0\].K0 = 0.5 must be from .* yields at .* Pa on the critical"),
+        (
+            {"packing": 0.5},
+            r"fills\[0\].packing = 0.5 must be larger, or csl_slope = 0.3 smaller",
+        ),
+    ):
+        with pytest.raises(ValueError, match=message):
+            gr.Simulation(scene.replace(fills=(fill.replace(**changes),)), threads=1)
+
+
+def test_a_critical_state_line_is_scaled_with_the_stresses():
+    """The pressure of the atmosphere is not: the slope changes in its place, and the flow does
+    not."""
+    scene = collapse(0.62, material=BEADS.replace(csl_slope=0.3))
+    model = Froude(1 / 4).scene(scene)
+    for p in (1e2, 1e4):
+        assert model.material.critical_packing(p / 4) == pytest.approx(
+            scene.material.critical_packing(p), rel=1e-12
+        )
+    states = [stepped(each, 100).state for each in (scene, model)]
+    assert states[1].pressure == pytest.approx(states[0].pressure / 4, rel=1e-6, abs=1e-3)
+    assert states[1].bulking == pytest.approx(states[0].bulking, rel=1e-9)
+
+
 def test_dissipation_of_the_core_is_that_of_mu_I():
     """The plastic power that health counts: sum V mu(I) p gdot, less than V tau gdot in dense
     material that dilates, by psi p gdot that is no loss."""
@@ -148,6 +192,7 @@ TWO = scene_with(
 )
 SCENES = {
     "plane": collapse(0.62),
+    "critical-state line": collapse(0.62, material=BEADS.replace(csl_slope=0.3)),
     "point densities": collapse(
         0.62, scheme=gr.Scheme(basis="linear", transfer="apic", density=gr.ParticleDensity())
     ),

@@ -128,12 +128,15 @@ def test_the_waves_of_a_law_that_hardly_dilates_are_those_of_mu_I():
     )
 
 
+ON_LINE = BEADS.replace(csl_slope=0.05)
+
+
+@pytest.mark.parametrize(("m", "p"), [(BEADS, 1e3), (ON_LINE, 3e5)], ids=["constant", "line"])
 @pytest.mark.parametrize("number", [0.01, 0.1, 1.0])
-def test_long_waves_have_the_rates_of_the_law_by_differences(number):
+def test_long_waves_have_the_rates_of_the_law_by_differences(m, p, number):
     """The linearised law is that of the rate equations at a point, in a homogeneous flow."""
-    p, m = 1e3, BEADS
     g = number / m.d * math.sqrt(p / m.rho_s)
-    packing = m.packing(number)
+    packing = m.packing(number, p)
 
     def change(y):
         xx, yy, xy, c, log_packing = y

@@ -131,7 +131,7 @@ NUMBERS = {
     *("nu", "mu_s", "mu_2", "mu", "rho_c", "rho_s", "I0", "b", "A", "xi", "friction", "density"),
     *("rotation_deg", "seed", "jitter", "vectors", "normal", "axis", "points_per_cell", "shape"),
     *("faces", "h0_deg", "h1_deg", "h2", "h3_deg", "alpha", "mu_inf", "restitution", "K0"),
-    *("phi_c", "phi_fast", "dilatancy", "packing"),
+    *("phi_c", "phi_fast", "dilatancy", "csl_slope", "csl_exponent", "packing"),
 }
 """Fields without a dimension, or determined by gravity and density alone (xi by itself)."""
 

@@ -63,11 +63,18 @@ class Point:
         return np.sqrt(0.5 * (s[:3] ** 2).sum(axis=0) + (s[3:] ** 2).sum(axis=0))
 
 
+def critical_packing(material, p):
+    """By the void ratio, e_c = e_0 - slope (p/p_a)^exponent with p_a = 101325 Pa."""
+    e_0 = 1 / material.phi_c - 1
+    return 1 / (1 + e_0 - material.csl_slope * (p / 101325) ** material.csl_exponent)
+
+
 def rates(material, packing, p, tau):
     """Plastic shear rate [1/s] and psi at a stress, from the equations of the class."""
     m, p = material, max(p, 1e-3)  # scipy tries states beyond
-    psi = m.dilatancy * (packing - m.phi_c)
-    loosens = m.dilatancy * (m.phi_c - m.phi_fast)
+    critical = critical_packing(m, p)
+    psi = m.dilatancy * (packing - critical)
+    loosens = m.dilatancy * (critical - m.phi_fast)
     share = (tau / p - m.mu_s - psi) / (m.mu_2 - m.mu_s + loosens)
     if share <= 0:
         return 0.0, psi
