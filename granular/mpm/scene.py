@@ -206,8 +206,8 @@ class Scene(BaseScene):
             if material.dilates and self.scheme.density.name == "cell_averaged":
                 raise ValueError(
                     "density = CellAveragedDensity() must be SmoothedDensity() or "
-                    f"ParticleDensity() with {type(material).__name__}: the points of a cell would "
-                    "share one packing"
+                    f"ParticleDensity() with {type(material).__name__}: the content of cells is "
+                    "counted there by mass, and the volume of a mass changes"
                 )
             if self.scheme.precision == "single" and not _core.laws()[material.law][2]:
                 raise ValueError(
@@ -275,8 +275,9 @@ class Scene(BaseScene):
                 raise ValueError(f"{name} must be None for an elastic body")
             if self.material.dilates:
                 raise ValueError(
-                    f"{name} must be None for {type(self.material).__name__}: the wall would have "
-                    "to move with the volume of the material"
+                    f"{name} must be None for {type(self.material).__name__}: the wall stays on "
+                    "its line of the grid, and cannot follow the volume of the material. Take a "
+                    "plate: a Body that is free along this axis, and sim.apply_load"
                 )
             if self.scheme.density.name == "particle":
                 raise ValueError(
