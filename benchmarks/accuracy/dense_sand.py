@@ -14,6 +14,7 @@ import numpy as np
 from shared import RESULTS, least_time, parser_of, run_studies, table
 
 import granular as gr
+from accuracy import sand_plates, sand_walls
 
 OUT = RESULTS / "dense_sand.json"
 RADIUS = 0.2
@@ -148,7 +149,15 @@ def times(quick: bool) -> Iterator[dict[str, Any]]:
             }
 
 
-STUDIES = {"columns": columns, "impacts": impacts, "layers": layers, "times": times}
+STUDIES = {
+    "columns": columns,
+    "impacts": impacts,
+    "layers": layers,
+    "discs": sand_plates.discs,
+    "plates": sand_plates.plates,
+    "walls": sand_walls.walls,
+    "times": times,
+}
 
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:

@@ -1,0 +1,157 @@
+"""Upright walls that are pushed into loose and dense sand, and the bands in which it shears."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import granular as gr
+from accuracy.body_forces import forces
+from granular.verify.external import limit_analysis as bed
+
+SPEED = 0.005
+"""Speed of the wall [m/s]. At four times this the inertia of the sand adds a tenth to the peak."""
+DENSE, LOOSE = 0.62, 0.56
+PEAK = 0.54
+"""Friction of the dense sands at the peak, mu_s + psi."""
+PSI = (0.0, 0.14, 0.30, 0.42)
+"""Dilations psi of the dense sands at the peak."""
+
+
+class Angles(NamedTuple):
+    """Angles in plane strain [rad]: friction, dilation, and friction on a band (Davis 1968)."""
+
+    friction: float
+    dilation: float
+    band: float
+
+
+def angles(mu: float, psi: float) -> Angles:
+    """Angles in plane strain of a law with tau = (mu + psi) p that dilates by psi gamma.
+
+    Plastic flow is along the deviator, with the volume psi gamma. That there is no strain out of
+    the plane takes the stress s_zz = -2 psi tau/3 there. With it the mean stress of the plane is
+    p - psi tau/3 and the radius of Mohr's circle tau sqrt(1 - psi^2/3), and all of the volume is in
+    the plane: sin(phi) = (mu + psi) r/(1 - (mu + psi) psi/3), sin(nu) = psi/r, r = sqrt(1 -
+    psi^2/3). They are equal if mu is 0, as of associated flow.
+    """
+    root, peak = math.sqrt(1 - psi**2 / 3), mu + psi
+    sine, dilation = peak * root / (1 - peak * psi / 3), psi / root
+    slope = math.sqrt(1 - dilation**2) * sine / (1 - dilation * sine)
+    return Angles(math.asin(sine), math.asin(dilation), math.atan(slope))
+
+
+def rankine(angle: float, passive: bool) -> float:
+    """Coefficient of earth pressure on a smooth wall at a friction angle."""
+    return math.tan(math.pi / 4 + (angle if passive else -angle) / 2) ** 2
+
+
+def sand(mu: float, psi: float) -> gr.DilatantMuI:
+    """Sand of the friction mu in slow flow, that of the packing `DENSE` dilating by psi."""
+    steep = psi / (DENSE - gr.DilatantMuI.phi_c)
+    return gr.DilatantMuI(E=3e6, mu_s=mu, mu_2=mu + 0.26, d=3e-4, dilatancy=steep)
+
+
+def ridge(state: gr.State, turned_deg: float) -> tuple[float, float, float]:
+    """Inclination of the band to the surface [deg]: as a whole, of its lower and its upper half.
+
+    The line is fitted to where the band is at heights from 0.1 to 0.9 of that of the bed: to the
+    mean place of the points that have sheared more than half as much as any at this height.
+    """
+    frame = bed.Frame(turned_deg)
+    along = state.x @ frame.turned(1.0, 0.0) / bed.SIZE
+    height = state.x @ frame.turned(0.0, 1.0) / bed.SIZE
+    heights = np.linspace(0.1, 0.9, 17)
+    middle = []
+    for at in heights:
+        near = np.abs(height - at) < 0.03
+        strain = state.shear_strain[near]
+        most = strain > strain.max() / 2
+        middle.append(np.average(along[near][most], weights=strain[most]))
+    halves = slice(None), slice(None, 9), slice(8, None)
+    slopes = [np.polyfit(heights[half], np.array(middle)[half], 1)[0] for half in halves]
+    whole, lower, upper = (math.degrees(math.atan2(1.0, slope)) for slope in slopes)
+    return whole, lower, upper
+
+
+PATHS = (0.0, 0.001, 0.002, 0.003, 0.004, 0.005, 0.006, 0.008, 0.01, 0.015, 0.02, 0.03, 0.04, 0.05)
+"""Paths of the wall in heights of the bed, between which forces are averaged."""
+SEEN = 0.02
+"""Path at which the band is measured."""
+
+
+class Case(NamedTuple):
+    """Friction in slow flow, dilation at the packing `DENSE`, and what is done with the sand."""
+
+    mu: float
+    psi: float
+    packing: float = DENSE
+    passive: bool = True
+    cells: int = 32
+    turned_deg: float = 0.0
+
+
+def scene_of(case: Case, material: gr.DilatantMuI) -> gr.Scene:
+    """Smooth wall and a base with the friction of the sand at its peak."""
+    friction = max(material.peak_friction(case.packing), material.mu_s)
+    scene = bed.wall_scene(
+        math.degrees(math.asin(friction)), passive=case.passive, rough=True,
+        angle_deg=case.turned_deg, cells=case.cells, speed=SPEED,
+    )  # fmt: skip
+    fills = tuple(fill.replace(packing=case.packing) for fill in scene.fills)
+    scheme = scene.scheme.replace(shear_strain=1)
+    return scene.replace(material=material, fills=fills, scheme=scheme)
+
+
+def push(case: Case, material: gr.DilatantMuI, paths: tuple[float, ...]) -> dict[str, float]:
+    """Coefficients of the force over the path of the wall, and the inclination of the band."""
+    sim = gr.Simulation(scene_of(case, material), threads=1)
+    unit = case.packing * material.rho_s * bed.G * bed.SIZE**2 / 2
+    values, band = [], (math.nan,) * 3
+    for path, force in forces(sim, np.array(paths) * bed.SIZE):
+        values.append((path / bed.SIZE, float(np.hypot(*force)) / unit))
+        if path < SEEN * bed.SIZE:
+            band = ridge(sim.state, case.turned_deg)
+    of = max if case.passive else min
+    at, extreme = of(values[1:], key=lambda one: one[1])
+    return {
+        "peak": extreme, "at": at, "last": values[-1][1],
+        "band": band[0], "toe": band[1], "top": band[2],
+    }  # fmt: skip
+
+
+OF_PSI = {psi: Case(round(PEAK - psi, 2), psi) for psi in PSI}
+SOFTER = (gr.DilatantMuI.phi_c, LOOSE)
+CASES = [
+    *OF_PSI.values(),
+    *(case._replace(cells=16) for case in OF_PSI.values()),
+    *(OF_PSI[psi]._replace(turned_deg=turn) for turn in (17.0, 30.0) for psi in (0.14, 0.42)),
+    *(OF_PSI[0.14]._replace(packing=packing) for packing in SOFTER),
+    *(OF_PSI[0.14]._replace(packing=packing, passive=False) for packing in (DENSE, *SOFTER)),
+    *(OF_PSI[psi]._replace(cells=64) for psi in (0.14, 0.42)),
+]
+"""Dense sands of one peak friction by cells and turns of the bed, and looser ones."""
+
+
+def walls(quick: bool) -> Iterator[dict[str, Any]]:
+    """Coefficient of the force at the peak and later, and the inclination of the band."""
+    for case in [OF_PSI[0.14]._replace(cells=16)] if quick else CASES:
+        material = sand(case.mu, case.psi)
+        psi = float(material.peak_friction(case.packing)) - case.mu
+        here, slow = angles(case.mu, psi), angles(case.mu, 0.0)
+        sign = 1 if case.passive else -1
+        yield {
+            **case._asdict(),
+            "psi": psi,
+            "friction_deg": math.degrees(here.friction),
+            "dilation_deg": math.degrees(here.dilation),
+            "rankine": rankine(here.friction, case.passive),
+            "davis": rankine(here.band, case.passive),
+            "critical": rankine(slow.friction, case.passive),
+            "coulomb_deg": 45 - sign * math.degrees(here.friction) / 2,
+            "roscoe_deg": 45 - sign * math.degrees(here.dilation) / 2,
+            "arthur_deg": 45 - sign * math.degrees(here.friction + here.dilation) / 4,
+        } | push(case, material, PATHS[:3] if quick else PATHS)
