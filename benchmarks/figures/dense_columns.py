@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import granular as gr
-from figures.common import tell
+from figures.common import panels, tell
 from granular import plot
 
 
 def picture(quick: bool) -> plot.Picture:
     """Draw the picture of the page."""
     sand = gr.DilatantMuI(E=1e6, mu_s=0.6, mu_2=0.86, d=5e-4)
-    picture = plot.Picture(figsize=(7.0, 2.9), layout="constrained")
-    rows = picture.subplots(2, 2, sharex=True, sharey=True)
+    picture, rows = panels(2, 2, 2.6, sharex=True, sharey=True)
     for row, (name, packing) in zip(rows, {"dense": 0.62, "loose": 0.56}.items(), strict=True):
         scene = gr.scenes.column_collapse(
             aspect=1.0, cell=0.02 if quick else 0.005, points_per_cell=4, jitter=0.5, material=sand
@@ -22,5 +21,6 @@ def picture(quick: bool) -> plot.Picture:
             sim.run(until=until)
             title = f"{name}, $\\phi_0$ = {packing}, t = {sim.time:.2f} s"
             plot.frame(sim.state, "packing", ax=ax, title=title, limits=(0.54, 0.62), bar=bool(k))
+            ax.label_outer()
         tell(sim, name)
     return picture
