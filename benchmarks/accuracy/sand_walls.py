@@ -21,34 +21,6 @@ PSI = (0.0, 0.14, 0.30, 0.42)
 """Dilations psi of the dense sands at the peak."""
 
 
-class Angles(NamedTuple):
-    """Angles in plane strain [rad]: friction, dilation, and friction on a band (Davis 1968)."""
-
-    friction: float
-    dilation: float
-    band: float
-
-
-def angles(mu: float, psi: float) -> Angles:
-    """Angles in plane strain of a law with tau = (mu + psi) p that dilates by psi gamma.
-
-    Plastic flow is along the deviator, with the volume psi gamma. That there is no strain out of
-    the plane takes the stress s_zz = -2 psi tau/3 there. With it the mean stress of the plane is
-    p - psi tau/3 and the radius of Mohr's circle tau sqrt(1 - psi^2/3), and all of the volume is in
-    the plane: sin(phi) = (mu + psi) r/(1 - (mu + psi) psi/3), sin(nu) = psi/r, r = sqrt(1 -
-    psi^2/3). They are equal if mu is 0, as of associated flow.
-    """
-    root, peak = math.sqrt(1 - psi**2 / 3), mu + psi
-    sine, dilation = peak * root / (1 - peak * psi / 3), psi / root
-    slope = math.sqrt(1 - dilation**2) * sine / (1 - dilation * sine)
-    return Angles(math.asin(sine), math.asin(dilation), math.atan(slope))
-
-
-def rankine(angle: float, passive: bool) -> float:
-    """Coefficient of earth pressure on a smooth wall at a friction angle."""
-    return math.tan(math.pi / 4 + (angle if passive else -angle) / 2) ** 2
-
-
 def sand(mu: float, psi: float) -> gr.DilatantMuI:
     """Sand of the friction mu in slow flow, that of the packing `DENSE` dilating by psi."""
     steep = psi / (DENSE - gr.DilatantMuI.phi_c)
@@ -140,18 +112,19 @@ def walls(quick: bool) -> Iterator[dict[str, Any]]:
     """Coefficient of the force at the peak and later, and the inclination of the band."""
     for case in [OF_PSI[0.14]._replace(cells=16)] if quick else CASES:
         material = sand(case.mu, case.psi)
-        psi = float(material.peak_friction(case.packing)) - case.mu
-        here, slow = angles(case.mu, psi), angles(case.mu, 0.0)
-        sign = 1 if case.passive else -1
+        friction = float(material.peak_friction(case.packing))
+        here = gr.theory.earth_pressure(friction, dilation=friction - case.mu)
+        slow = gr.theory.earth_pressure(case.mu)
+        kind, sign = ("passive", 1) if case.passive else ("active", -1)
         yield {
             **case._asdict(),
-            "psi": psi,
-            "friction_deg": math.degrees(here.friction),
-            "dilation_deg": math.degrees(here.dilation),
-            "rankine": rankine(here.friction, case.passive),
-            "davis": rankine(here.band, case.passive),
-            "critical": rankine(slow.friction, case.passive),
-            "coulomb_deg": 45 - sign * math.degrees(here.friction) / 2,
-            "roscoe_deg": 45 - sign * math.degrees(here.dilation) / 2,
-            "arthur_deg": 45 - sign * math.degrees(here.friction + here.dilation) / 4,
+            "psi": friction - case.mu,
+            "friction_deg": here.coaxial_deg,
+            "dilation_deg": here.dilation_deg,
+            "rankine": getattr(here, f"{kind}_coaxial"),
+            "davis": getattr(here, f"{kind}_band"),
+            "critical": getattr(slow, f"{kind}_coaxial"),
+            "coulomb_deg": 45 - sign * here.coaxial_deg / 2,
+            "roscoe_deg": 45 - sign * here.dilation_deg / 2,
+            "arthur_deg": 45 - sign * (here.coaxial_deg + here.dilation_deg) / 4,
         } | push(case, material, PATHS[:3] if quick else PATHS)

@@ -32,6 +32,20 @@ def test_coefficients_by_hand():
             earth_pressure(bad)
 
 
+def test_dilation_up_to_that_of_associated_flow():
+    """Where psi = mu both angles are that of the cone, and a band has no other."""
+    found = earth_pressure(0.5, dilation=0.5)
+    assert math.sin(math.radians(found.coaxial_deg)) == pytest.approx(0.5 / math.sqrt(1 - 0.25 / 3))
+    assert found.dilation_deg == pytest.approx(found.coaxial_deg)
+    assert found.band_deg == pytest.approx(found.coaxial_deg)
+    loose, none, dense = (earth_pressure(0.5, dilation=psi) for psi in (-0.1, 0.0, 0.1))
+    assert loose.dilation_deg < 0 == none.dilation_deg < dense.dilation_deg
+    assert loose.passive_coaxial < none.passive_coaxial < dense.passive_coaxial
+    for mu, bad in ((0.5, 1.0), (0.99, 0.9), (0.5, math.nan), (0.5, "0.1")):
+        with pytest.raises((TypeError, ValueError), match="dilation = "):
+            earth_pressure(mu, bad)
+
+
 def test_stress_at_yield_is_coaxial_or_along_a_band():
     """Principal stresses p (1 +- mu) in 2D and p across, where the flow has no strain."""
     state = -100.0 * np.array([[1 + MU, 1 - MU, 1.0, 0.0]])
