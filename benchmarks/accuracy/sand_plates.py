@@ -75,7 +75,7 @@ class Disc(NamedTuple):
 
     mu: float = MU
     name: str = "mu(I)"
-    cells: int = 16
+    cells: int = 8
     surface: float | str | None = None
     E: float = 1e7
 
@@ -102,12 +102,12 @@ def disc_scene(disc: Disc) -> gr.Scene:
 
 
 DISCS = [
-    *(Disc(name=name, cells=8) for name in PACKINGS),
     *(Disc(name=name) for name in PACKINGS),
     *(Disc(0.6, name) for name in PACKINGS),
     Disc(E=2e6),
     Disc(surface=1.0),
-    *(Disc(cells=cells, surface="sticky") for cells in (4, 8, 16)),
+    *(Disc(surface="sticky", cells=cells) for cells in (4, 8, 16)),
+    *(Disc(name=name, cells=16) for name in ("mu(I)", "0.60", "0.62")),
 ]
 
 
@@ -128,7 +128,6 @@ def discs(quick: bool) -> Iterator[dict[str, Any]]:
 MOTIONS = {
     "level, down": (0.0, 90.0),
     "upright, along": (90.0, 0.0),
-    "tilted by 45°, along": (45.0, 0.0),
     "tilted by 45°, down": (45.0, 90.0),
 }
 """Tilt of a plate and direction of its motion below the level [deg]."""
@@ -151,7 +150,7 @@ def plate(packing: float | None, cells: int, tilt_deg: float, attack_deg: float)
     return in_sand(size, cells, 6, material, packing, (body,))
 
 
-PLATES = [("mu(I)", 6), ("mu(I)", 8), ("0.60", 8), ("0.62", 8)]
+PLATES = [("mu(I)", 6), ("0.60", 6), ("0.62", 6), ("mu(I)", 8)]
 """Packing, and cells in a width."""
 
 
