@@ -1,6 +1,6 @@
-"""Loose and dense sand with DilatantMuI: cylinders, an impact, layers on slopes, time of a step.
+"""Loose and dense sand with DilatantMuI: cylinders, an impact, layers, plates, walls, times.
 
-All runs take about 20 minutes by one thread.
+Plates and walls take about 20 minutes each by one thread, and all else together as long.
 """
 
 from __future__ import annotations
@@ -180,49 +180,53 @@ STUDIES = {
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Tables of the page."""
     studies = results["studies"]
-    return {
-        "columns": table(
-            studies.get("columns", []),
-            {
-                "aspect": "{aspect}",
-                "cells in a radius": "{cells}",
-                "material": "{material}",
-                "height": "{height:.2f}",
-                "of Lube": "{lube_height:.2f}",
-                "run-out of 99 %": "{runout_99:.2f}",
-                "of 99.9 %": "{runout:.2f}",
-                " of Lube": "{lube_runout:.2f}",
-                "time": "{time:.2f}",
-            },
-        ),
-        "impacts": table(
-            [
-                row | {f"at {k}": ratio for k, ratio in enumerate(row["ratios"])}
-                for row in studies.get("impacts", [])
-            ],
-            {"packing": "{material}", "cell": "{cell} m"}
-            | {f"after {1e3 * t:.1f} ms": f"{{at {k}:.2f}}" for k, t in enumerate(MOMENTS)},
-        ),
-        "layers": table(
-            studies.get("layers", []),
-            {
-                "packing": "{packing}",
-                "starts at": "{start:.1f}°",
-                "peak friction": "{theory:.1f}°",
-                "critical friction": "{stop:.1f}°",
-            },
-        ),
-        "times": table(
-            studies.get("times", []),
-            {
-                "": "{dim}",
-                "material": "{material}",
-                "points": "{points:,}",
-                "time of a point and step": "{nanoseconds:.0f} ns",
-                "over mu(I)": "{ratio:.2f}",
-            },
-        ),
-    }
+    return (
+        sand_plates.tables(studies)
+        | sand_walls.tables(studies)
+        | {
+            "columns": table(
+                studies.get("columns", []),
+                {
+                    "aspect": "{aspect}",
+                    "cells in a radius": "{cells}",
+                    "material": "{material}",
+                    "height": "{height:.2f}",
+                    "of Lube": "{lube_height:.2f}",
+                    "run-out of 99 %": "{runout_99:.2f}",
+                    "of 99.9 %": "{runout:.2f}",
+                    " of Lube": "{lube_runout:.2f}",
+                    "time": "{time:.1f} √(h/g)",
+                },
+            ),
+            "impacts": table(
+                [
+                    row | {f"at {k}": ratio for k, ratio in enumerate(row["ratios"])}
+                    for row in studies.get("impacts", [])
+                ],
+                {"packing": "{material}", "cell": "{cell} m"}
+                | {f"after {1e3 * t:.1f} ms": f"{{at {k}:.2f}}" for k, t in enumerate(MOMENTS)},
+            ),
+            "layers": table(
+                studies.get("layers", []),
+                {
+                    "packing": "{packing}",
+                    "starts at": "{start:.1f}°",
+                    "peak friction": "{theory:.1f}°",
+                    "critical friction": "{stop:.1f}°",
+                },
+            ),
+            "times": table(
+                studies.get("times", []),
+                {
+                    "": "{dim}",
+                    "material": "{material}",
+                    "points": "{points:,}",
+                    "time of a point and step": "{nanoseconds:.0f} ns",
+                    "over mu(I)": "{ratio:.2f}",
+                },
+            ),
+        }
+    )
 
 
 def main(argv: list[str] | None = None) -> None:

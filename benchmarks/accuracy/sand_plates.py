@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
+from shared import table
 
 import granular as gr
 from accuracy.body_forces import forces, ramp_to
@@ -178,3 +179,38 @@ def plates(quick: bool) -> Iterator[dict[str, Any]]:
                 "motion": motion, "material": name, "cells": cells, "fit": fit, "later": later,
                 "share": later / fit, "largest": max(factors),
             }  # fmt: skip
+
+
+def tables(studies: dict[str, Any]) -> dict[str, list[str]]:
+    """Tables of the page."""
+    depths = ("one", "two")
+    rows = []
+    for row in studies.get("discs", []):
+        surface = row["surface"] if row["surface"] is not None else row["mu"]
+        known = {"like": surface if isinstance(surface, str) else f"friction {surface:g}"}
+        for depth, factor, share in zip(depths, row["factors"], row["shares"], strict=True):
+            known |= {f"at {depth}": factor, f"share {depth}": share}
+        rows.append(row | known | {"MPa": row["E"] / 1e6})
+    columns = {
+        "friction of the sand": "{mu:g}",
+        "packing": "{name}",
+        "disc": "{like}",
+        "E": "{MPa:g} MPa",
+        "cells in a diameter": "{cells}",
+        "fit": "{fit:.1f}",
+    }
+    for depth, spread in zip(depths, ("one diameter", "two"), strict=True):
+        columns |= {
+            f"at {spread}": f"{{at {depth}:.1f}}",
+            f"{spread}, over the fit": f"{{share {depth}:.2f}}",
+        }
+    moved = {
+        "plate": "{motion}",
+        "packing": "{material}",
+        "cells in a width": "{cells}",
+        "force": "{later:.1f}",
+        "largest": "{largest:.1f}",
+        "fit": "{fit:.1f}",
+        "force over the fit": "{share:.2f}",
+    }
+    return {"discs": table(rows, columns), "plates": table(studies.get("plates", []), moved)}

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
+from shared import table
 
 import granular as gr
 from accuracy.body_forces import forces
@@ -128,3 +129,38 @@ def walls(quick: bool) -> Iterator[dict[str, Any]]:
             "roscoe_deg": 45 - sign * here.dilation_deg / 2,
             "arthur_deg": 45 - sign * (here.coaxial_deg + here.dilation_deg) / 4,
         } | push(case, material, PATHS[:3] if quick else PATHS)
+
+
+def tables(studies: dict[str, Any]) -> dict[str, list[str]]:
+    """Tables of the page."""
+    rows = [
+        row | {"wall": "pushed" if row["passive"] else "drawn away", "way": 100 * row["at"]}
+        for row in studies.get("walls", [])
+    ]
+    sand = {"mu_s": "{mu:g}", "packing": "{packing:g}", "psi": "{psi:.2f}"}
+    mesh = {"cells": "{cells}", "turned": "{turned_deg:g}°"}
+    forces_of = {
+        "wall": "{wall}",
+        **sand,
+        **mesh,
+        "K at the peak": "{peak:.2f}",
+        "at a path of": "{way:.1f} %",
+        "Rankine": "{rankine:.2f}",
+        "Davis": "{davis:.2f}",
+        "K at 4.5 %": "{last:.2f}",
+        "Rankine, critical": "{critical:.2f}",
+    }
+    bands = {
+        "mu_s": "{mu:g}",
+        "psi": "{psi:.2f}",
+        "nu": "{dilation_deg:.1f}°",
+        **mesh,
+        "band": "{band:.1f}°",
+        "lower half": "{toe:.1f}°",
+        "upper half": "{top:.1f}°",
+        "Coulomb": "{coulomb_deg:.1f}°",
+        "Arthur": "{arthur_deg:.1f}°",
+        "Roscoe": "{roscoe_deg:.1f}°",
+    }
+    dense = [row for row in rows if row["passive"] and row["packing"] == DENSE]
+    return {"walls": table(rows, forces_of), "bands": table(dense, bands)}
