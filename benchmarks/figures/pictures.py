@@ -15,6 +15,7 @@ from figures import (
     free_scenes,
     inflow,
     own_law,
+    sand_bands,
     several_materials,
     thrown_block,
 )
@@ -25,6 +26,7 @@ PAGES: dict[str, Callable[[bool], Picture]] = {
     "cohesion": cohesion.picture,
     "damp_waves": damp_waves.picture,
     "dense_sand": dense_columns.picture,
+    "dense_sand_bands": sand_bands.picture,
     "free_bodies": thrown_block.picture,
     "free_scenes": free_scenes.picture,
     "inflow": inflow.picture,
