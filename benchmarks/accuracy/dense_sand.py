@@ -25,8 +25,6 @@ NUMBERS: dict[str, Any] = {"E": 1e6, "mu_s": MU_S, "mu_2": MU_S + 0.26, "d": 5e-
 SAND = gr.DilatantMuI(**NUMBERS)
 SAME = gr.MuI(**NUMBERS, rho_s=SAND.rho_s, rho_c=SAND.rho_c)
 PACKINGS = {"mu(I)": None, "loose": 0.56, "critical": SAND.phi_c, "dense": 0.62}
-SHARES = (0.99, 0.999)
-"""Shares of the mass whose run-out is measured."""
 BEADS = gr.DilatantMuI(E=1e6, d=0.005)
 
 
@@ -35,27 +33,39 @@ def filled(scene: gr.Scene, packing: float | None) -> gr.Scene:
     return scene.replace(fills=tuple(fill.replace(packing=packing) for fill in scene.fills))
 
 
-def collapse(scene: gr.Scene, until: float) -> tuple[gr.State, np.ndarray, float]:
-    """Last state, final radii within which shares of the mass are, and the time of the collapse.
+def collapse(scene: gr.Scene, until: float) -> tuple[gr.State, dict[str, float]]:
+    """Last state, and how far and how long how much of a cylinder of `RADIUS` runs out.
 
-    The shares are `SHARES`. The time is that until the first of them has run out to 95 % [s], from
-    the middle of the ramp of gravity, by half of which a free fall is late.
+    The time is that until 99 % of the mass have run out by 95 % of their run-out [s], from the
+    middle of the ramp of gravity, by half of which a free fall is late. Mass has moved if it is
+    farther than a twentieth of the radius from where it was.
     """
     sim = gr.Simulation(scene, threads=1)
-    at, radii = [0.0], [np.full(len(SHARES), RADIUS)]
+    start, at, outer = sim.state, [0.0], [0.0]
     while sim.time < until:
         state = sim.run(until=min(sim.time + 0.01, until), monitor=False).state
-        order = np.argsort(state.x[:, 0])
-        mass = np.cumsum(state.mass[order])
         at.append(sim.time)
-        radii.append(state.x[order, 0][np.searchsorted(mass, np.array(SHARES) * mass[-1])])
-    out = np.array(radii)[:, 0] - RADIUS
-    end = float(np.interp(0.95 * out[-1], np.maximum.accumulate(out), at))
-    return state, radii[-1], end - scene.gravity.times[-1] / 2
+        outer.append(runout(state, 0.99))
+    end = float(np.interp(0.95 * outer[-1], np.maximum.accumulate(outer), at))
+    moved = np.linalg.norm(gr.measure.displacement(state, start), axis=1) > RADIUS / 20
+    return state, {
+        "runout_99": outer[-1],
+        "runout": runout(state, 0.999),
+        "time": end - scene.gravity.times[-1] / 2,
+        "outside": float(state.mass[state.x[:, 0] > RADIUS].sum() / state.mass.sum()),
+        "moved": float(state.mass[moved].sum() / state.mass.sum()),
+    }
+
+
+def runout(state: gr.State, share: float) -> float:
+    """Distance from the side of the cylinder within which a share of the mass is, in radii."""
+    order = np.argsort(state.x[:, 0])
+    mass = np.cumsum(state.mass[order])
+    return float(state.x[order, 0][np.searchsorted(mass, share * mass[-1])]) / RADIUS - 1
 
 
 def columns(quick: bool) -> Iterator[dict[str, Any]]:
-    """Height within an eighth of the radius, run-outs of shares of the mass, in radii, and time."""
+    """Height within an eighth of the radius and run-outs in radii, shares of the mass, time."""
     for aspect in (1, 3):
         for cells in (8,) if quick else (16, 32, 64):
             for name, packing in PACKINGS.items():
@@ -67,7 +77,7 @@ def columns(quick: bool) -> Iterator[dict[str, Any]]:
                     jitter=0.5,
                     material=SAME if packing is None else SAND,
                 )
-                state, outer, end = collapse(filled(scene, packing), 0.2 if quick else 1.4)
+                state, numbers = collapse(filled(scene, packing), 0.2 if quick else 1.4)
                 near = state.x[:, 0] < RADIUS / 8
                 yield {
                     "aspect": aspect,
@@ -76,9 +86,8 @@ def columns(quick: bool) -> Iterator[dict[str, Any]]:
                     "height": float(
                         state.volume[near].sum() / (math.pi * (RADIUS / 8) ** 2) / RADIUS
                     ),
-                    "runout_99": float(outer[0] / RADIUS - 1),
-                    "runout": float(outer[1] / RADIUS - 1),
-                    "time": end / math.sqrt(aspect * RADIUS / 9.8),
+                    **numbers,
+                    "time": numbers["time"] / math.sqrt(aspect * RADIUS / 9.8),
                     "lube_height": 0.88 * aspect ** (1 / 6),
                     "lube_runout": 1.24 * aspect if aspect < 1.7 else 1.6 * aspect**0.5,
                 }
@@ -196,6 +205,8 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
                     "of 99.9 %": "{runout:.2f}",
                     " of Lube": "{lube_runout:.2f}",
                     "time": "{time:.1f} √(h/g)",
+                    "moved": "{moved:.0%}",
+                    "outside": "{outside:.0%}",
                 },
             ),
             "impacts": table(
