@@ -181,6 +181,7 @@ STUDIES = {
     "layers": layers,
     "discs": sand_plates.discs,
     "plates": sand_plates.plates,
+    "smooth_plates": sand_plates.smooth_plates,
     "walls": sand_walls.walls,
     "times": times,
 }

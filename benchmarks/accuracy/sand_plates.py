@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from shared import table
 
 import granular as gr
 from accuracy.body_forces import forces, ramp_to
-from accuracy.resistive_force import response, scale
+from accuracy.resistive_force import MEASURED, response, scale
 
 G, SIZE, SPEED = 9.81, 0.04, 0.2
 """Gravity [m/s2], diameter or width of a plate [m], its speed [m/s]."""
@@ -136,7 +136,9 @@ BELOW = 1.5
 """Depth of the middle of a plate at the start, in its widths."""
 
 
-def plate(packing: float | None, cells: int, tilt_deg: float, attack_deg: float) -> gr.Scene:
+def plate(
+    packing: float | None, cells: int, tilt_deg: float, attack_deg: float, friction: float
+) -> gr.Scene:
     """Half of a square plate in a bed in 3D that moves from rest, at a plane of symmetry."""
     material, attack = sand(MU, packing, 2e6), math.radians(attack_deg)
     size = (6.0, 2.5, 4.0 + math.sin(attack))
@@ -146,7 +148,7 @@ def plate(packing: float | None, cells: int, tilt_deg: float, attack_deg: float)
         ((2.0 + math.sin(attack)) * SIZE, 0.0, (size[2] - BELOW) * SIZE),
         rotation_deg=(0.0, -tilt_deg, 0.0),
         motion=ramp_to(velocity),
-        friction=MU,
+        friction=friction,
     )
     return in_sand(size, cells, 6, material, packing, (body,))
 
@@ -155,16 +157,18 @@ PLATES = [("mu(I)", 6), ("0.60", 6), ("0.62", 6), ("mu(I)", 8)]
 """Packing, and cells in a width."""
 
 
-def plates(quick: bool) -> Iterator[dict[str, Any]]:
+def plates(
+    quick: bool, cases: Sequence[tuple[str, int]] = PLATES, friction: float = MU
+) -> Iterator[dict[str, Any]]:
     """Force on a square plate in the direction of its motion over that of the fit.
 
     `largest` is that of intervals of a tenth of its width, `later` the mean over the path from a
     half to one width.
     """
-    cases = [("0.60", 4)] if quick else PLATES
+    cases = [("0.60", 4)] if quick else cases
     for motion, (tilt, attack) in list(MOTIONS.items())[: 1 if quick else None]:
         for name, cells in cases:
-            scene = plate(PACKINGS[name], cells, tilt, attack)
+            scene = plate(PACKINGS[name], cells, tilt, attack, friction)
             weight = density(scene.material, PACKINGS[name]) * G
             against = np.array((-math.cos(math.radians(attack)), math.sin(math.radians(attack))))
             paths = SIZE * np.linspace(0.0, 0.1 if quick else 1.0, 2 if quick else 11)
@@ -173,12 +177,34 @@ def plates(quick: bool) -> Iterator[dict[str, Any]]:
                 depth = BELOW * SIZE + path * math.sin(math.radians(attack))
                 load = 2 * float(force[[0, 2]] @ against)  # of the whole plate
                 factors.append(load / (weight * SIZE**2 * depth))
-            fit = scale(MU) * float(np.array(response(tilt, attack, MU)) @ against)
+            fit = scale(MU) * float(np.array(response(tilt, attack, friction)) @ against)
             later = float(np.mean(factors[len(factors) // 2 :]))
             yield {
-                "motion": motion, "material": name, "cells": cells, "fit": fit, "later": later,
-                "share": later / fit, "largest": max(factors),
+                "motion": motion, "material": name, "friction": friction, "cells": cells,
+                "fit": fit, "later": later, "share": later / fit, "largest": max(factors),
             }  # fmt: skip
+
+
+def smooth_plates(quick: bool) -> Iterator[dict[str, Any]]:
+    """The same without friction of the plate, which is thick and drags at its sides."""
+    return plates(quick, PLATES[:1], friction=0.0)
+
+
+def close_over_loose(studies: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Stress on a plate in dense sand over that in critical sand, and as measured."""
+    stress: dict[str, dict[str, float]] = {"down": {}, "along": {}}
+    for row in studies.get("discs", []):
+        if (row["mu"], row["cells"], row["surface"], row["E"]) == (MU, 8, None, 1e7):
+            stress["down"][row["name"]] = float(np.mean(row["factors"]))
+    for row in studies.get("plates", []):
+        if (row["motion"], row["cells"]) == ("upright, along", 6):
+            stress["along"][row["material"]] = row["later"]
+    for motion, factors in stress.items():
+        if {"mu(I)", "0.62"} <= factors.keys():
+            critical = factors["mu(I)"] * gr.DilatantMuI.phi_c
+            loose, close = MEASURED[motion]
+            ratios = {"ratio": factors["0.62"] * 0.62 / critical, "known": close / loose}
+            yield {"motion": motion} | ratios
 
 
 def tables(studies: dict[str, Any]) -> dict[str, list[str]]:
@@ -207,10 +233,20 @@ def tables(studies: dict[str, Any]) -> dict[str, list[str]]:
     moved = {
         "plate": "{motion}",
         "packing": "{material}",
+        "its friction": "{friction:g}",
         "cells in a width": "{cells}",
         "force": "{later:.1f}",
         "largest": "{largest:.1f}",
         "fit": "{fit:.1f}",
         "force over the fit": "{share:.2f}",
     }
-    return {"discs": table(rows, columns), "plates": table(studies.get("plates", []), moved)}
+    compared = {
+        "motion": "{motion}",
+        "0.62 over critical": "{ratio:.2f}",
+        "measured": "{known:.2f}",
+    }
+    return {
+        "discs": table(rows, columns),
+        "plates": table([*studies.get("plates", []), *studies.get("smooth_plates", [])], moved),
+        "packings": table(close_over_loose(studies), compared),
+    }
