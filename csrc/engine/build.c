@@ -129,10 +129,10 @@ static int build_layout(struct gr_engine *e)
     e->own_volumes = config->n_materials > 1 || e->dilates;
     build_rows(e, GR_SUMS_OF_MOTION, GR_SUM_DAMPED(config->dim) + config->cell_averaged);
     e->sums.of_cells = e->sums.of_lanes;
-    if (config->cell_averaged) e->sums.of_lanes += (GR_CELL_AVERAGED_SUMS(config->dim) + e->K) * GR_LANES;
+    if (config->cell_averaged) e->sums.of_lanes += (GR_CELL_AVERAGED_SUMS(config->dim) + e->K + e->own_volumes) * GR_LANES;
     if (config->smoothed) e->sums.of_lanes += GR_LANES;
     if (config->smoothed) build_rows(e, GR_SUMS_OF_DENSITY, GR_DENSITY_SUMS(config->dim));
-    if (config->smoothed && e->own_volumes) build_rows(e, GR_SUMS_OF_VOLUME, GR_VOLUME_SUMS);
+    if ((config->smoothed || config->cell_averaged) && e->own_volumes) build_rows(e, GR_SUMS_OF_VOLUME, GR_VOLUME_SUMS);
     e->nodes.n_fields = GR_NODE_FIELDS(config->dim, config->smoothed);
     e->nodes.n_fields += config->smoothed || config->cell_averaged; /* the gap of the node itself; its damping */
     for (int f = 0; f < GR_FIELD_COUNT; f++)
@@ -221,6 +221,7 @@ void gr_engine_free(struct gr_engine *e)
                            e->nodes.data,
                            e->nodes.single,
                            e->nodes.mass,
+                           e->nodes.filled,
                            e->nodes.v,
                            e->cells_of_node[0],
                            e->cells_of_node[1],

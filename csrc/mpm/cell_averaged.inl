@@ -6,7 +6,8 @@
  *   c = sum m c_p/M,   sigma = sum m sigma_p/M,   M = sum m   (over the points of the cell),
  *   phi = sum m_i/(rho_c sum V_i),   L = sum v_i (x) B_i   (over its nodes),
  *
- * with B_i the gradient of S_i at one quadrature point and V_i the volume of a node. The filling fraction phi ties c to
+ * with B_i the gradient of S_i at one quadrature point and V_i the volume of a node. Of material that dilates m_i and the
+ * content of a cell are volumes of the points when free of stress, as a mass at rho_c; the means are by mass. The filling fraction phi ties c to
  * the volume that the points really have. It also tells whether the cell is inside the material or at a surface. A cell
  * inside represents its whole volume outside of bodies, and its quadrature point is the centre of that. A cell at a
  * surface represents the volume of its points at rho_c, and its quadrature point is their centre of mass: a node that
@@ -67,6 +68,9 @@ GR_INLINE vd free_volumes(const struct gr_engine *e, int64_t first, int i)
     return v_load(volume);
 }
 
+/* Index of the sum of the volumes of the points of a cell, as a mass, behind the masses of its nodes. */
+GR_INLINE int own_volume_of_cell(const int dim) { return GR_CELL_AVERAGED_SUMS(dim) + (1 << dim); }
+
 /* B_i dx along axis d for the quadrature point xi, in local coordinates. */
 GR_INLINE vd slope_at(const int dim, const vd xi[3], int i, int d)
 {
@@ -86,10 +90,20 @@ static __attribute__((noinline)) vd hoop_at(const struct gr_engine *e, int64_t f
     return (i & 1 ? along : v_sub(one, along)) * across / (radius - v_set(0.5) + along);
 }
 
+/* The volume of the points in the slots from `at` on, as a mass, for their nodes. Returned: the same. */
+GR_INLINE vd prepare_own_volume(const int dim, const struct gr_engine *e, int64_t at, struct contribution *contribution)
+{
+    contribution->filled = contribution->m * gr_of_material(e, GR_MATERIAL_FILLING, at);
+    if (e->dilates) contribution->filled = contribution->filled * component(e, GR_FIELD_bulking, 0, at);
+    contribution->joined = contribution->weight = contribution->pressed = v_zero(); /* no pressure is averaged */
+    for (int d = 0; d < dim; d++) contribution->pressure_slope[d] = v_zero();
+    return contribution->filled;
+}
+
 /* P2G of GR_W cells of a tile: m and p of their nodes, and their own sums, sum m c and sum m sigma, and the masses that they
- * bring to each of their nodes. */
+ * bring to each of their nodes; where volume is not mass, volumes of nodes and cells, too. */
 GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_engine *e, int64_t tile, int part,
-                                  struct pass *pass)
+                                  struct pass *pass, struct pass *volume)
 {
     const int stresses = dim == 2 ? 3 : 6;
     const int64_t first = tile * GR_LANES + part * GR_W;
@@ -98,7 +112,7 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
     struct contribution contribution[MOST_PREPARED];
     struct stretch stretch = {0};
     const int rings = dim == 2 && e->config.axisymmetric;
-    vd of_cell[GR_CELL_STRESS + 6], stress[6], of_rings = v_zero();
+    vd of_cell[GR_CELL_STRESS + 6], stress[6], of_rings = v_zero(), filled = v_zero();
     gr_frame_of(dim, GR_LINEAR, 0, e, first, &frame);
     for (int q = 0; q < GR_CELL_STRESS + stresses; q++) of_cell[q] = v_zero();
     for (int done = 0; !stretch.ends; done += stretch.n) {
@@ -116,9 +130,13 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
             if (rings) of_rings = v_fma(m, stress[2], of_rings);
             if (e->config.largest.damping_rate > 0)
                 of_cell[GR_CELL_M_RATE] = v_fma(m, component(e, GR_FIELD_shear_rate, 0, at), of_cell[GR_CELL_M_RATE]);
+            if (__builtin_expect(e->own_volumes, 0)) filled = filled + prepare_own_volume(dim, e, at, &contribution[i]);
         }
         add_rows(dim, GR_LINEAR, affine, MOMENTUM | MASSES, &frame, contribution, stretch, 0, pass);
+        if (__builtin_expect(e->own_volumes, 0))
+            add_rows(dim, GR_LINEAR, 0, VOLUME, &frame, contribution, stretch, 0, volume);
     }
+    if (__builtin_expect(e->own_volumes, 0)) v_store(gr_cell_sums(e, first, own_volume_of_cell(dim)), filled);
     for (int q = 0; q < GR_CELL_STRESS + stresses; q++) v_store(gr_cell_sums(e, first, q), of_cell[q]);
     if (rings) v_store(gr_cell_sums(e, first, GR_CELL_STRESS + stresses), of_rings);
 }
@@ -126,15 +144,17 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
 /* P2G of the points of a tile, or of parts of it. The forces follow. */
 GR_INLINE void p2g_averaged(const int dim, const int affine, struct gr_engine *e, int64_t tile, const struct gr_parts parts)
 {
-    struct pass pass;
+    struct pass pass, volume;
     if (is_empty_tile(e, tile, parts)) {
         clear_sums(e, tile);
         return;
     }
     begin_pass(e, GR_SUMS_OF_MOTION, tile, 0, &pass);
+    begin_pass(e, GR_SUMS_OF_VOLUME, tile, 0, &volume); /* always, or compilers warn of what is not set */
     pass.masses = gr_cell_sums(e, tile * GR_LANES, GR_CELL_AVERAGED_SUMS(dim));
-    GR_EACH_PART(part, parts) p2g_averaged_cells(dim, affine, e, tile, part, &pass);
+    GR_EACH_PART(part, parts) p2g_averaged_cells(dim, affine, e, tile, part, &pass, &volume);
     store_ends(2, 1 << (dim - 1), &pass, 0, GR_SUM_FORCE(dim));
+    if (e->own_volumes) store_ends(2, 1 << (dim - 1), &volume, 0, GR_VOLUME_SUMS);
 }
 
 /* The masses that the cells from `first` on bring to their node i. */
@@ -154,8 +174,9 @@ GR_INLINE vd store_state(const int dim, struct gr_engine *e, int64_t first, vm h
     vd M = v_zero(), mass = v_zero(), volume = v_zero(), high[3] = {v_zero(), v_zero(), v_zero()}, over[8], at[3];
     vd lightest = one, centre[3];
     const vd open = open_parts(dim, e, first, centre);
+    const double *const content = e->own_volumes ? e->nodes.filled : e->nodes.mass;
     for (int i = 0; i < K; i++) {
-        const vd m = at_nodes(e, e->nodes.mass, first, i) * per_cell, V = at_nodes(e, e->mesh.node_volume, first, i);
+        const vd m = at_nodes(e, content, first, i) * per_cell, V = at_nodes(e, e->mesh.node_volume, first, i);
         const vd part = own_mass(dim, e, first, i);
         M = M + part;
         mass = mass + m;
@@ -166,7 +187,7 @@ GR_INLINE vd store_state(const int dim, struct gr_engine *e, int64_t first, vm h
             if (i >> d & 1) high[d] = high[d] + part;
     }
     const vd inverse = one / v_select(has, M, one);
-    vd filled = M * per_cell;
+    vd filled = (e->own_volumes ? v_load(gr_cell_sums(e, first, own_volume_of_cell(dim))) : M) * per_cell;
     if (dim == 2 && e->config.axisymmetric) {
         const vd ring = one / GR_OF_CELLS(e, first, 0, radius);
         filled = filled * ring;
@@ -241,11 +262,16 @@ GR_INLINE void forces_of_cells(const int dim, struct gr_engine *e, int64_t tile,
     vd at[3], stress[6];
     const vd damped = store_state(dim, e, first, has);
     for (int d = 0; d < dim; d++) at[d] = v_load(average_of(e, GR_AVERAGE_AT + d, first));
-    /* A/(dx M), by mass_scale = 1/(rho_c dx^dim) and -1/(rho_c dx) */
-    const vd filled = v_select(has, v_load(average_of(e, GR_AVERAGE_FILLED, first)), v_set(1.0));
-    const vd area =
-        v_keep(has, represented_volume(dim, e, first, at) * v_set(e->material_number[GR_MATERIAL_FORCE_SCALE][0]) / filled);
     const int rings = dim == 2 && e->config.axisymmetric;
+    /* A/(dx M), by mass_scale = 1/(rho_c dx^dim) and -1/(rho_c dx) */
+    vd mass = v_load(average_of(e, GR_AVERAGE_FILLED, first));
+    if (__builtin_expect(e->own_volumes, 0)) { /* that is not the content, in which a whole ring counts as one cell */
+        mass = v_zero();
+        for (int i = 0; i < 1 << dim; i++) mass = v_fma(v_set(e->mass_scale), own_mass(dim, e, first, i), mass);
+        if (rings) mass = mass / GR_OF_CELLS(e, first, 0, radius);
+    }
+    const vd area = v_keep(has, represented_volume(dim, e, first, at) *
+                                    v_set(e->material_number[GR_MATERIAL_FORCE_SCALE][0]) / v_select(has, mass, v_set(1.0)));
     for (int q = 0; q < stresses; q++) stress[q] = v_keep(has, v_load(gr_cell_sums(e, first, GR_CELL_STRESS + q)));
     const vd of_rings = rings ? v_keep(has, v_load(gr_cell_sums(e, first, GR_CELL_STRESS + stresses))) : v_zero();
     for (int row = 0; row < 1 << (dim - 1); row++) {

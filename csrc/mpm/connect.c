@@ -29,6 +29,7 @@ static int reserve_nodes(struct gr_engine *e, int64_t n)
     GR_RESIZE(e->nodes.data, e->nodes.n_fields * e->nodes.capacity);
     if (e->config.single) GR_RESIZE(e->nodes.single, e->nodes.n_fields * e->nodes.capacity);
     GR_RESIZE(e->nodes.mass, e->nodes.capacity);
+    if (e->config.cell_averaged && e->own_volumes) GR_RESIZE(e->nodes.filled, e->nodes.capacity);
     if (e->config.xpic_order > 0) GR_RESIZE(e->nodes.v, capacity * e->config.dim);
     if (e->watch) GR_RESIZE(e->watch->node, capacity * e->config.dim);
     if (e->bodies.n_thin) {
@@ -97,6 +98,7 @@ GR_SHARED(clear_nodes, struct connect, q->e->nodes.capacity, q)
     if (last > q->n_nodes) last = q->n_nodes;
     if (first >= last) return;
     memset(e->nodes.mass + first, 0, sizeof(double) * (size_t)(last - first));
+    if (e->nodes.filled) memset(e->nodes.filled + first, 0, sizeof(double) * (size_t)(last - first));
     if (e->nodes.v) memset(e->nodes.v + first * e->config.dim, 0, sizeof(double) * (size_t)((last - first) * e->config.dim));
 }
 

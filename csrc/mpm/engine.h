@@ -149,7 +149,7 @@ struct gr_cell_sums {
     int of_lanes, of_run,
         of_apart;           /* numbers of a block for its lanes; for each run; for lanes that are runs by themselves */
     struct gr_rows rows[3]; /* enum gr_group_of_sums */
-    int of_cells;           /* enum gr_cell_sum, then the masses of each local node; or GR_CELL_FILLED; vectors */
+    int of_cells;           /* enum gr_cell_sum, the masses of each local node, own volumes; or GR_CELL_FILLED; vectors */
     int valid;
     int averages, correct_shift; /* content for the next step, see gr_plan_sums */
     int64_t *dirty, n_dirty;     /* tiles whose sums lack something */
@@ -157,10 +157,11 @@ struct gr_cell_sums {
 
 /* The values of the nodes. */
 struct gr_node_values {
-    double *data;  /* n_fields x capacity, see GR_NODE_FIELDS */
-    float *single; /* what kernels in single precision see of it: the same as floats; NULL with double precision */
-    double *mass;  /* n_nodes, kg */
-    double *v;     /* n_nodes x dim, m/s: velocity before the forces, filtered by XPIC; NULL without it */
+    double *data;   /* n_fields x capacity, see GR_NODE_FIELDS */
+    float *single;  /* what kernels in single precision see of it: the same as floats; NULL with double precision */
+    double *mass;   /* n_nodes, kg */
+    double *filled; /* n_nodes: volume of their points, as a mass, kg; NULL unless cells are averaged and own_volumes */
+    double *v;      /* n_nodes x dim, m/s: velocity before the forces, filtered by XPIC; NULL without it */
     int n_fields;
     int64_t capacity; /* for the nodes, for whole vectors behind the last, and one that stands for none */
 };

@@ -230,6 +230,8 @@ static void find_content(const struct gr_engine *e, unsigned parts, struct conte
     content->averages = parts & GR_GHOST_AVERAGES ? gr_averages_of_cell(&e->config) : 0;
     content->of_cell = content->averages * (int64_t)sizeof(double) + (int64_t)gr_bytes_of_sums(e, content->wide);
     add_span(e, GR_SUMS_OF_MOTION, begin, end, content);
+    if (e->config.cell_averaged && e->own_volumes && parts & GR_GHOST_MOMENTUM)
+        add_span(e, GR_SUMS_OF_VOLUME, 0, e->sums.rows[GR_SUMS_OF_VOLUME].width, content);
     if (!content->wide) return;
     add_span(e, GR_SUMS_OF_DENSITY, 0, e->sums.rows[GR_SUMS_OF_DENSITY].width, content);
     if (e->own_volumes) add_span(e, GR_SUMS_OF_VOLUME, 0, e->sums.rows[GR_SUMS_OF_VOLUME].width, content);

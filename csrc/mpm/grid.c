@@ -71,6 +71,9 @@ void gr_grid_masses(struct gr_engine *e, const struct gr_kernels *kernels, int64
         if (gr_group_rests(e, n)) continue;
         kernels->sum_nodes(e, GR_SUMS_OF_MOTION, GR_SUM_MASS, 1, n, end, row_of(&block, 0));
         memcpy(e->nodes.mass + n, row_of(&block, 0), sizeof(double) * (size_t)(end - n));
+        if (!e->nodes.filled) continue;
+        kernels->sum_nodes(e, GR_SUMS_OF_VOLUME, GR_SUM_VOLUME, 1, n, end, row_of(&block, 0));
+        memcpy(e->nodes.filled + n, row_of(&block, 0), sizeof(double) * (size_t)(end - n));
     }
 }
 

@@ -203,12 +203,6 @@ class Scene(BaseScene):
                     f"{least * material.K:.6g}: take a smaller tensile_strength, or a larger "
                     f"E = {material.E}"
                 )
-            if material.dilates and self.scheme.density.name == "cell_averaged":
-                raise ValueError(
-                    "density = CellAveragedDensity() must be SmoothedDensity() or "
-                    f"ParticleDensity() with {type(material).__name__}: the content of cells is "
-                    "counted there by mass, and the volume of a mass changes"
-                )
             if self.scheme.precision == "single" and not _core.laws()[material.law][2]:
                 raise ValueError(
                     f'precision = "single" must be "double" for the law {material.law!r} of '
