@@ -220,15 +220,15 @@ def between(only: str) -> int:
         for name, scene, steps in make():
             if only not in name or isinstance(scene, gr.sph.Scene):
                 continue  # in SPH lanes are neighbours, over which sums go
-            found = [digests(scene, steps, 1, isa) for isa in sets]
+            tables = [digests(scene, steps, 1, isa) for isa in sets]
             try:
-                found.append(digests(scene, steps, 2, None, "emulated"))
+                tables.append(digests(scene, steps, 2, None, "emulated"))
                 on_device += 1
             except ValueError as error:
                 if "does not have" not in str(error):
                     raise
             compared += 1
-            if any(table != found[0] for table in found):
+            if any(table != tables[0] for table in tables):
                 different.append(name)
     print(
         f"{compared} cases with {', '.join(sets)}, {on_device} of them on the emulated device: "

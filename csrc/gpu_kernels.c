@@ -1,4 +1,4 @@
-/* The threads of the stages of a step, compiled for a GPU: an entry point for each stage (gpu/device.h).
+/* The threads of the stages of a step, compiled for a GPU: an entry point for each stage (mpm/device.h).
  *
  * The source is that of a processor: kernels.c with vectors of one lane, and the parts of the stages that are not kernels
  * there. Quotients and roots are rounded correctly, and nothing is fused that is not written so: the bits are the same.

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "fluidity/fluidity.h"
-#include "gpu/device.h"
+#include "mpm/device.h"
 #include "law/law.h"
 #include "sph/sph.h"
 
@@ -33,7 +33,7 @@ struct gr_kernels {
     void (*store_pairs)(struct gr_engine *, int64_t first, int64_t last);
     void (*begin_substeps)(struct gr_engine *, int64_t first, int64_t last);
     void (*substep)(struct gr_engine *, int64_t first, int64_t last);
-    gr_thread *const *threads;        /* of one lane alone, else NULL: the stages of a device (gpu/device.h) */
+    gr_thread *const *threads;        /* of one lane alone, else NULL: the stages of a device (mpm/device.h) */
     const struct gr_law *const *laws; /* the laws of law/registry.inl, then NULL */
     /* in single precision only, else NULL: copy the fields of nodes as floats */
     void (*narrow_nodes)(struct gr_engine *, int64_t first, int64_t last);

@@ -9,7 +9,7 @@
 #include "contact/rigid.h"
 #include "contact/shared_contacts.h"
 #include "core/memory.h"
-#include "gpu/device.h"
+#include "mpm/device.h"
 #include "kernels.h"
 #include "mpm/inflow.h"
 #include "mpm/numbers.h"

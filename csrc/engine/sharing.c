@@ -3,7 +3,7 @@
 
 #include "contact/contact_points.h"
 #include "core/memory.h"
-#include "gpu/device.h"
+#include "mpm/device.h"
 #include "mpm/inflow.h"
 #include "mpm/migrate.h"
 #include "mpm/open_volume.h"

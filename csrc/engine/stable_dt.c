@@ -5,7 +5,7 @@
 
 #include "contact/moving.h"
 #include "core/inlets.h"
-#include "gpu/device.h"
+#include "mpm/device.h"
 #include "mpm/numbers.h"
 #include "mpm/ranks.h"
 #include "mpm/sleep.h"

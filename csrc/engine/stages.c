@@ -4,7 +4,7 @@
 #include <math.h>
 
 #include "contact/contact.h"
-#include "gpu/device.h"
+#include "mpm/device.h"
 #include "mpm/fluidity_bodies.h"
 #include "mpm/ghosts.h"
 #include "mpm/grid.h"

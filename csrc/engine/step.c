@@ -9,7 +9,7 @@
 #include "engine/sharing.h"
 #include "engine/stable_dt.h"
 #include "engine/stages.h"
-#include "gpu/device.h"
+#include "mpm/device.h"
 #include "mpm/ghosts.h"
 #include "mpm/grid.h"
 #include "mpm/grouping.h"

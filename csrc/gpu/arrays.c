@@ -1,6 +1,6 @@
-/* The arrays that the threads of a device read or write (device.h). */
+/* The arrays that the threads of a device read or write (mpm/device.h). */
 #include "gpu/blocks.h"
-#include "gpu/device.h"
+#include "mpm/device.h"
 #include "mpm/wall_impulse.h"
 
 /* An array, and its name in messages. */
@@ -43,6 +43,7 @@ const char *gr_foreign_array(const struct gr_engine *e)
                                    GR_NAMED(nodes.data),
                                    GR_NAMED(nodes.single),
                                    GR_NAMED(nodes.mass),
+                                   GR_NAMED(nodes.filled),
                                    GR_NAMED(nodes.v),
                                    GR_NAMED(migration.migrant),
                                    GR_NAMED(migration.pending),

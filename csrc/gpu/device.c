@@ -1,5 +1,5 @@
-/* Launches of the stages of a step, and the memory that points need on their way between cells (device.h). */
-#include "gpu/device.h"
+/* Launches of the stages of a step, and the memory that points need on their way between cells (mpm/device.h). */
+#include "mpm/device.h"
 
 #include <math.h>
 #include <string.h>

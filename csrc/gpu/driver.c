@@ -10,7 +10,7 @@
 
 #include "core/memory.h"
 #include "gpu/blocks.h"
-#include "gpu/device.h"
+#include "mpm/device.h"
 
 typedef uint64_t address; /* of memory of the device */
 

@@ -1,8 +1,7 @@
 /* The emulated device: threads of the processor, and memory of its own. All but the machine itself can be tested with it. */
 #include "core/memory.h"
 #include "gpu/blocks.h"
-#include "gpu/device.h"
-#include "kernels.h"
+#include "mpm/device.h"
 
 static void *take(size_t bytes) { return gr_take_block(malloc, bytes); }
 static void give(void *block) { gr_give_block(free, block); }

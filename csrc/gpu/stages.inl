@@ -1,5 +1,5 @@
-/* The threads of the stages of a step (device.h): of kernels with one lane, which are the lanes of a processor. */
-#include "gpu/device.h"
+/* The threads of the stages of a step (mpm/device.h): of kernels with one lane, which are the lanes of a processor. */
+#include "mpm/device.h"
 #include "mpm/grid.h"
 #include "mpm/packing.h"
 #include "mpm/smoothed_density.h"

@@ -257,7 +257,7 @@ struct gr_engine {
     double dropped_mass;
     struct gr_tally tally; /* for the verdict on the run */
     struct gr_passage passage;
-    struct gr_device *device; /* that makes the stages of a step (gpu/device.h); NULL: processors do */
+    struct gr_device *device; /* that makes the stages of a step (mpm/device.h); NULL: processors do */
     struct gr_ranks *ranks;   /* other processes that work on the same run (mpm/ranks.h); NULL without any */
     struct gr_failure failure;
     int refused_threads; /* of those that the last gr_advance asked for, by the system */

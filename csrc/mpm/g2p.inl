@@ -8,7 +8,7 @@
  *
  * The law then updates the stress from L dt (cell_view.inl). Points that leave their cell are listed here; migrate.c
  * moves them, and the sums of the cells that they enter are computed again. */
-#include "gpu/device.h"
+#include "mpm/device.h"
 #include "mpm/contribution.h"
 #include "mpm/density_correction.h"
 #include "mpm/slots.h"

@@ -6,7 +6,7 @@
 
 #include "core/index.h"
 #include "core/memory.h"
-#include "gpu/device.h"
+#include "mpm/device.h"
 #include "mpm/arrivals.h"
 #include "mpm/sleep.h"
 #include "mpm/slots.h"

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "gpu/device.h"
+#include "mpm/device.h"
 #include "gpu/driver.h"
 #include "kernels.h"
 #include "mpm/engine.h"

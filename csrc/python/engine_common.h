@@ -13,7 +13,7 @@ struct gr_object {
     PyObject_HEAD
     void *engine; /* struct gr_engine or struct gr_sph; NULL until it is built */
     const struct gr_kernels *kernels;
-    const struct gr_backend *device; /* gpu/device.h; NULL: none */
+    const struct gr_backend *device; /* mpm/device.h; NULL: none */
     const struct gr_field_info *fields;
     int n_fields, components[GR_MAX_FIELDS];   /* 0 components: the engine does not carry the field */
     int type[GR_MAX_FIELDS];                   /* of the numbers of its array, NPY_DOUBLE or NPY_FLOAT */

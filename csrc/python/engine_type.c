@@ -6,7 +6,7 @@
 #include "engine/drive.h"
 #include "engine/stable_dt.h"
 #include "engine/step.h"
-#include "gpu/device.h"
+#include "mpm/device.h"
 #include "mpm/grouping.h"
 #include "mpm/numbers.h"
 #include "mpm/sleep.h"

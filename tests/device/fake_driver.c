@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "fake_driver.h"
-#include "gpu/device.h"
+#include "mpm/device.h"
 
 #define EXPORT __attribute__((visibility("default")))
 

@@ -41,7 +41,7 @@ BEGIN = """
 
     machine._kernels = lambda: (b"// .version 8.0", b"// .version 8.0")
 """
-"""How a script begins: this build may have no kernels for GPUs, which this driver does not need."""
+"""Beginning of a script: the build may lack kernels for GPUs, which this driver does not need."""
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,7 @@ def driver(tmp_path_factory):
 
 
 def said(driver, script, **faults):
-    """What a script says that finds this driver."""
+    """Run a script that finds this driver; return its output."""
     place = {"LD_LIBRARY_PATH": str(driver)} if driver else {}
     environment = os.environ | place | {name: str(value) for name, value in faults.items()}
     begin = textwrap.dedent(BEGIN).format(shared=str(ROOT / "tests" / "shared"))
