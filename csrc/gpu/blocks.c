@@ -35,12 +35,12 @@ void gr_give_block(void (*drop)(void *), void *block)
 int gr_in_block(const void *address)
 {
     const char *const at = address;
-    int found = 0;
+    int holds = 0;
     pthread_mutex_lock(&guard);
-    for (const struct gr_link *link = first; link && !found; link = link->next)
-        found = at >= (const char *)(link + 1) && at <= (const char *)(link + 1) + link->bytes;
+    for (const struct gr_link *link = first; link && !holds; link = link->next)
+        holds = at >= (const char *)(link + 1) && at <= (const char *)(link + 1) + link->bytes;
     pthread_mutex_unlock(&guard);
-    return found;
+    return holds;
 }
 
 void gr_each_block(void (*visit)(void *begin, size_t bytes))

@@ -16,7 +16,8 @@ struct gr_node_motion {
 /* Sums of motion of a node (enum gr_node_sum, GR_SUM_DAMPED of them). */
 void gr_sum_node(const struct gr_engine *e, const struct gr_kernels *kernels, int64_t n, double *sums);
 
-/* Compute only the masses of the nodes, and the volumes of their points, to node_mass and node_filled, where the forces depend on them (mpm/cell_averaged.inl). */
+/* Compute only the masses of the nodes, and the volumes of their points, to node_mass and node_filled, where the forces depend
+ * on them (mpm/cell_averaged.inl). */
 void gr_grid_masses(struct gr_engine *e, const struct gr_kernels *kernels, int64_t first, int64_t last);
 
 /* Momentum balance on the nodes [first, last), which begin with a whole group, with gravity g (Dunatunga & Kamrin 2015,

@@ -28,18 +28,18 @@ TEST(blocks_stay_with_their_source)
     int *counted = gr_malloc(4 * sizeof *counted);
     char *zeros = gr_calloc(3, 5);
     gr_use_source(NULL);
-    int *own = gr_malloc(sizeof *own);
-    CHECK(held == 2 && counted && zeros && own);
+    int *plain = gr_malloc(sizeof *plain);
+    CHECK(held == 2 && counted && zeros && plain);
     for (int k = 0; k < 15; k++) CHECK(!zeros[k]);
     for (int k = 0; k < 4; k++) counted[k] = k;
     counted = gr_realloc(counted, 1000 * sizeof *counted);
     for (int k = 0; k < 4; k++) CHECK(counted[k] == k);
     CHECK(held == 2);
     gr_use_source(&source);
-    own = gr_realloc(own, 100 * sizeof *own);
+    plain = gr_realloc(plain, 100 * sizeof *plain);
     CHECK(held == 2); /* it grows where it is from */
     gr_use_source(NULL);
-    gr_free(counted), gr_free(zeros), gr_free(own), gr_free(NULL);
+    gr_free(counted), gr_free(zeros), gr_free(plain), gr_free(NULL);
     CHECK(held == 0);
 }
 

@@ -1,4 +1,4 @@
-"""What computes a run: the threads of a processor, or a device."""
+"""Machines that compute a run: the threads of a processor, or a device."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ BEGIN = """
     import sys
     import warnings
 
-    sys.path.insert(0, {shared!r})
+    sys.path.insert(0, {helpers!r})
     warnings.simplefilter("ignore")
     import granular as gr
     from granular.run import machine
@@ -71,7 +71,7 @@ def said(driver, script, **faults):
     """Run a script that finds this driver; return its output."""
     place = {"LD_LIBRARY_PATH": str(driver)} if driver else {}
     environment = os.environ | place | {name: str(value) for name, value in faults.items()}
-    begin = textwrap.dedent(BEGIN).format(shared=str(ROOT / "tests" / "shared"))
+    begin = textwrap.dedent(BEGIN).format(helpers=str(ROOT / "tests/shared"))
     command = [sys.executable, "-c", begin + textwrap.dedent(script)]
     return subprocess.run(
         command, check=True, capture_output=True, text=True, env=environment
