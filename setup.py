@@ -162,6 +162,12 @@ class BuildCore(build_ext):
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             return [name for objects in pool.map(compile_one, jobs) for name in objects]
 
+    def copy_extensions_to_source(self) -> None:
+        """Copy what was built next to the modules, for an editable installation."""
+        super().copy_extensions_to_source()
+        for text in Path(self.build_lib, "granular").glob("gpu_*.ptx.gz"):
+            shutil.copy(text, ROOT / "granular")
+
     def build_extension(self, ext: Extension) -> None:
         flags = FLAGS + os.environ.get("GRANULAR_CFLAGS", "").split()
         if X86:

@@ -117,6 +117,9 @@ def _scheme(scene: Scene) -> str:
     # Imported here: schemes need the limits of the scenes.
     from granular.mpm import schemes
 
+    if scene.materials[0].dilates and len(scene.materials) == 1:  # of bands the smoothing makes it
+        averages = scene.scheme.density.name == "cell_averaged"
+        return "" if averages else "schemes.cell_averaged, else "
     return "" if scene.scheme.replace(dt=None) == schemes.default else "the default scheme, else "
 
 
@@ -148,6 +151,6 @@ def _keep_volume(scene: Scene) -> str:
     density = scene.scheme.density.name
     if density == "particle":
         return "take SmoothedDensity() (the default)"
-    possible = density != "cell_averaged" and not any(m.dilates for m in scene.materials)
+    possible = density != "cell_averaged" and len(scene.materials) == 1
     averaged = ", or schemes.cell_averaged" if possible else ""
     return f"take a larger E{averaged}"
