@@ -1,12 +1,8 @@
 #include "python/engine_common.h"
 
 #include <math.h>
-#include <string.h>
 
-#include "mpm/device.h"
-#include "gpu/driver.h"
 #include "kernels.h"
-#include "mpm/engine.h"
 
 void gr_free_object(struct gr_object *self)
 {
@@ -91,30 +87,6 @@ const struct gr_kernels *gr_take_kernels(const char *isa)
     if (!kernels) PyErr_Format(PyExc_ValueError, "instruction set \"%s\" is not available on this machine", isa);
     return kernels;
 }
-
-int gr_find_device(struct gr_object *self, const char *name)
-{
-    static const struct gr_backend *const known[] = {&gr_emulated, &gr_gpu};
-    self->device = NULL;
-    for (int k = 0; k < 2; k++)
-        if (!strcmp(name, known[k]->name)) self->device = known[k];
-    if (*name && !self->device) return gr_refuse("there is no device \"%s\"", name);
-    if (self->device == &gr_gpu && !gr_gpu_info().total) return gr_refuse("the GPU is not open");
-    return 0;
-}
-
-int gr_take_device(struct gr_object *self)
-{
-    struct gr_engine *e = self->engine;
-    if (!self->device) return 0;
-    const char *const lacking = gr_device_lacks(&e->config);
-    if (lacking) return gr_refuse("the device \"%s\" does not have %s", self->device->name, lacking);
-    const int error = gr_device_new(&e->device, self->device, gr_in_precision(self->kernels, e->config.single)->threads);
-    if (error) gr_raise(error, NULL);
-    return error ? -1 : 0;
-}
-
-void gr_use_memory(const struct gr_object *self) { gr_use_source(self->device ? &self->device->memory : NULL); }
 
 static void free_zeros(PyObject *capsule) { gr_free(PyCapsule_GetPointer(capsule, NULL)); }
 

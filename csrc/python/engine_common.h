@@ -57,6 +57,12 @@ int gr_find_device(struct gr_object *self, const char *name);
 void gr_use_memory(const struct gr_object *self);
 int gr_take_device(struct gr_object *self);
 
+/* foreign_array() -> the name of an array that a device must see and that is not of its memory, or None. */
+PyObject *gr_python_foreign_array(struct gr_object *self, PyObject *unused);
+
+/* open_gpu(double, single): function of the module. */
+PyObject *gr_python_open_gpu(PyObject *module, PyObject *args);
+
 /* zeros(n) -> so many bytes of the memory of the engine, all 0. */
 PyObject *gr_python_zeros(struct gr_object *self, PyObject *args);
 

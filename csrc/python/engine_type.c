@@ -6,7 +6,6 @@
 #include "engine/drive.h"
 #include "engine/stable_dt.h"
 #include "engine/step.h"
-#include "mpm/device.h"
 #include "mpm/grouping.h"
 #include "mpm/numbers.h"
 #include "mpm/sleep.h"
@@ -90,13 +89,6 @@ static PyObject *engine_bind(struct gr_object *self, PyObject *args)
         if (e->mesh.n_cells) return PyErr_Format(PyExc_RuntimeError, "points can be given once");
     }
     Py_RETURN_NONE;
-}
-
-static PyObject *engine_foreign_array(struct gr_object *self, PyObject *Py_UNUSED(unused))
-{
-    const struct gr_engine *e = gr_ready(self, 1);
-    if (e && e->device) return Py_BuildValue("z", gr_foreign_array(e));
-    return e ? PyErr_Format(PyExc_ValueError, "the engine has no device") : NULL;
 }
 
 /* ---- stepping ---- */
@@ -508,7 +500,7 @@ static PyMethodDef methods[] = {
     {"stable_dt", (PyCFunction)engine_stable_dt, METH_NOARGS, "stable_dt()\n--\n\ncfl dx/(c + |v|max), s."},
     {"fluidity", (PyCFunction)engine_fluidity, METH_NOARGS,
      "fluidity()\n--\n\nmethod, substeps, limit (s), iterations, clamped (cells) of a nonlocal law; None without one."},
-    {"foreign_array", (PyCFunction)engine_foreign_array, METH_NOARGS,
+    {"foreign_array", (PyCFunction)gr_python_foreign_array, METH_NOARGS,
      "foreign_array()\n--\n\nAn array that the emulated device must see and that is not of its memory, or None."},
     {"zeros", (PyCFunction)gr_python_zeros, METH_VARARGS,
      "zeros(n)\n--\n\nSo many bytes of the memory of the engine, all 0."},

@@ -2,7 +2,6 @@
 #define GR_IMPORTS_NUMPY
 #include <math.h>
 
-#include "gpu/driver.h"
 #include "mpm/tally.h"
 #include "python/engine_common.h"
 
@@ -18,21 +17,6 @@ static PyObject *build_info(PyObject *Py_UNUSED(module), PyObject *args)
     if (!kernels) return NULL;
     return Py_BuildValue("{s:s,s:i,s:s,s:s}", "isa", kernels->isa, "lanes", kernels->lanes, "compiler", __VERSION__, "flags",
                          GR_FLAGS);
-}
-
-static PyObject *open_gpu(PyObject *Py_UNUSED(module), PyObject *args)
-{
-    const char *text[2], *refusal;
-    Py_ssize_t length[2];
-    if (!PyArg_ParseTuple(args, "y#y#", &text[0], &length[0], &text[1], &length[1])) return NULL;
-    const size_t size[2] = {(size_t)length[0] + 1, (size_t)length[1] + 1}; /* with the zero behind the bytes */
-    Py_BEGIN_ALLOW_THREADS
-    refusal = gr_open_gpu(text, size);
-    Py_END_ALLOW_THREADS
-    if (refusal) return PyErr_Format(PyExc_RuntimeError, "%s", refusal);
-    const struct gr_gpu_info info = gr_gpu_info();
-    return Py_BuildValue("{s:s,s:K,s:K}", "name", info.name, "free", (unsigned long long)info.free, "total",
-                         (unsigned long long)info.total);
 }
 
 static PyObject *node_positions(PyObject *Py_UNUSED(module), PyObject *args)
@@ -112,7 +96,7 @@ static PyMethodDef functions[] = {
      "laws; in_single: kernels in single precision have it."},
     {"damped_dt", damped_dt, METH_VARARGS,
      "damped_dt(dt, damping_time)\n--\n\nTime step, s, with the damping of elastic waves that is as far from its limit as dt is without."},
-    {"open_gpu", open_gpu, METH_VARARGS,
+    {"open_gpu", gr_python_open_gpu, METH_VARARGS,
      "open_gpu(double, single)\n--\n\nLoad the driver of a GPU and the texts of the kernels; returns its name and memory."},
     {"build_info", build_info, METH_VARARGS,
      "build_info(isa='')\n--\n\nInstruction set of the kernels, compiler and flags of this build."},

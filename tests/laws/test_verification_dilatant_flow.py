@@ -45,7 +45,8 @@ def test_a_steady_layer_has_packing_and_velocity_of_theory(angle_deg, packing, u
     height = state.mass.sum() / (BEADS.rho_s * expected * width)
     y = state.x[:, 1]
     inside = (y > 0.2 * height) & (y < 0.8 * height)
-    assert state.packing[inside] == pytest.approx(expected, abs=2e-3)
+    assert state.packing[inside].mean() == pytest.approx(expected, abs=4e-4)
+    assert state.packing[inside].std() < 1e-3  # the noise of single points has a tail
     fall = height**1.5 - (height - y[inside]) ** 1.5
     speed = 2 * inertial / (3 * BEADS.d) * math.sqrt(expected * 9.8 * math.cos(angle)) * fall
     assert state.v[inside, 0].sum() == pytest.approx(speed.sum(), rel=0.03)

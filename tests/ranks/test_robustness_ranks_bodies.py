@@ -10,6 +10,7 @@ import granular as gr
 from granular import shapes
 from granular.mpm import engine as core
 from granular.ranks.part import Part, Plan, bare
+from granular.run.machine import Machine
 
 GRAINS = gr.materials.glass_beads.replace(E=1e6)
 
@@ -134,7 +135,7 @@ def test_garbled_contact_points_end_in_an_error(seed):
     points = core.initial_points(scene)
     arrays = {name: np.ascontiguousarray(np.atleast_2d(a.T)) for name, a in points.items()}
     arrays["id"] = np.arange(arrays["x"].shape[1])
-    plan = Plan(scene, 1.0, 1, "", False, False)
+    plan = Plan(scene, 1.0, Machine(threads=1), False, False)
     owners = np.zeros(int(np.prod(bare(plan)._engine.blocks(8))), np.int32)
     part = Part(Garbled(seed), replace(plan, edge=8, owners=owners))
     part.take(arrays)

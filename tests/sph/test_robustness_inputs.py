@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from spoiled import DOCUMENTED, QUICK
 
 from granular import Box, Fill, Gravity, Grid, Simulation, _core, scenes, sph
+from granular.run.machine import Machine
 from granular.sph.simulation import _build
 from granular.sph.walls import ParticleWall
 
@@ -114,7 +115,7 @@ def test_elastic_particles_need_their_elastic_stress():
     other = sph.Simulation(without)
     assert "elastic_stress" not in other.buffers
     with pytest.raises(ValueError, match="does not hold elastic_stress"):
-        sph.Simulation._restored(SCENE, other.checkpoint(), None, None)
+        sph.Simulation._restored(SCENE, other.checkpoint(), Machine())
 
 
 def test_checkpoint_of_another_scene_is_refused():
@@ -126,7 +127,7 @@ def test_checkpoint_of_another_scene_is_refused():
 
 
 def test_engine_without_points_does_not_step():
-    engine = _build(SCENE, "")
+    engine = _build(SCENE, Machine())
     with pytest.raises(RuntimeError, match="call bind first"):
         engine.advance(1, 1.0, 1)
 
@@ -178,7 +179,7 @@ def test_any_binding_is_refused_or_works(counts, spoil, name):
         buffers[name].flags.writeable = False
     elif spoil == "text":
         buffers[name] = "array"
-    engine = _build(SCENE, "")
+    engine = _build(SCENE, Machine())
     try:
         engine.bind(buffers, *counts, True)
         assert spoil == "none"
@@ -191,7 +192,7 @@ def core_arguments(scene, monkeypatch):
     """Arguments with which the engine of this scene is built."""
     taken = {}
     monkeypatch.setattr(_core, "Sph", lambda **k: taken.update(k))
-    _build(scene, "")
+    _build(scene, Machine())
     monkeypatch.undo()
     return taken
 

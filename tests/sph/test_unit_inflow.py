@@ -10,6 +10,7 @@ from same_bits import fields
 
 import granular as gr
 from granular import Gravity, sph
+from granular.run.machine import Machine
 from granular.sph import simulation
 
 DX = 0.01
@@ -166,7 +167,7 @@ def test_extreme_inlets_are_refused_or_want_memory(speed, spacing, begin, end):
     """Whatever the rate, the core asks for larger buffers before it writes beyond those it has."""
     scene = scene_of()
     sim = sph.Simulation(scene, threads=1)
-    engine = simulation._build(scene, "")
+    engine = simulation._build(scene, Machine())
     n = sum(count for _, count, *_ in engine.fields())
     box = (0.06, 0.1, 0.0), (0.14, 0.2, 0.0)  # empty
     engine.add_inlet(np.ones((1, n)), 1, (0.0, speed, 0.0), spacing, begin, end, False, *box)
@@ -176,7 +177,7 @@ def test_extreme_inlets_are_refused_or_want_memory(speed, spacing, begin, end):
     assert full == (spacing < 1e300)
     assert engine.scalars()["n_points"] == rows.grains
     for bad in ((0.0, 1.0), (np.nan, 1.0), (-1.0, -1.0), (-1.0, np.inf)):
-        other = simulation._build(scene, "")
+        other = simulation._build(scene, Machine())
         given = (0.0, bad[0], 0.0), bad[1], begin, end, False, *box
         with pytest.raises(ValueError, match="configuration"):
             other.add_inlet(np.ones((1, n)), 1, *given)

@@ -19,6 +19,7 @@ import granular as gr
 from granular import Box, Fill, Gravity, Grid, _core, sph
 from granular.cli import main
 from granular.record import RecordError, TrajectoryWriter
+from granular.run.machine import Machine
 
 DX = 0.01
 
@@ -368,7 +369,7 @@ def test_wrong_walls_are_named(change, words):
 def test_core_survives_any_wall(column, monkeypatch):
     taken = {}
     monkeypatch.setattr(_core, "Sph", lambda **k: taken.update(k))
-    sph.simulation._build(gated(), "")
+    sph.simulation._build(gated(), Machine())
     monkeypatch.undo()
     walls = taken["walls"]
     for value in (math.nan, -1.0, 1e300, math.inf):

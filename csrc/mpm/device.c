@@ -1,4 +1,4 @@
-/* Launches of the stages of a step, and the memory that points need on their way between cells (mpm/device.h). */
+/* Launches of the stages of a step, and the memory that points need on their way between cells (device.h). */
 #include "mpm/device.h"
 
 #include <math.h>
