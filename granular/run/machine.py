@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import gzip
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 
 from granular import _core
 from granular.tools.buffers import default_isa
@@ -17,6 +15,9 @@ DEVICES = ("gpu", "emulated")
 
 def _kernels() -> tuple[bytes, ...]:
     """Return the kernels for GPUs, in double and in single precision."""
+    import gzip
+    from importlib.resources import files
+
     texts = [files("granular") / f"gpu_{precision}.ptx.gz" for precision in ("double", "single")]
     if not all(text.is_file() for text in texts):
         raise RuntimeError(
