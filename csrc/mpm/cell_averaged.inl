@@ -152,7 +152,7 @@ GR_INLINE void p2g_averaged(const int dim, const int affine, struct gr_engine *e
     begin_pass(e, GR_SUMS_OF_MOTION, tile, 0, &pass);
     begin_pass(e, GR_SUMS_OF_VOLUME, tile, 0, &volume); /* always, or compilers warn of what is not set */
     pass.masses = gr_cell_sums(e, tile * GR_LANES, GR_CELL_AVERAGED_SUMS(dim));
-    GR_EACH_PART(part, parts) p2g_averaged_cells(dim, affine, e, tile, part, &pass, &volume);
+    GR_EACH_PART (part, parts) p2g_averaged_cells(dim, affine, e, tile, part, &pass, &volume);
     store_ends(2, 1 << (dim - 1), &pass, 0, GR_SUM_FORCE(dim));
     if (e->own_volumes) store_ends(2, 1 << (dim - 1), &volume, 0, GR_VOLUME_SUMS);
 }
@@ -303,7 +303,7 @@ GR_INLINE void apply_forces_of_tile(const int dim, struct gr_engine *e, int64_t 
         }
         return;
     }
-    GR_EACH_PART(part, parts) forces_of_cells(dim, e, tile, part, &pass);
+    GR_EACH_PART (part, parts) forces_of_cells(dim, e, tile, part, &pass);
     store_ends(2, 1 << (dim - 1), &pass, GR_SUM_FORCE(dim), GR_SUM_DAMPED(dim) + 1);
 }
 

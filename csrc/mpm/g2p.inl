@@ -159,26 +159,27 @@ GR_INLINE int64_t g2p_tile(const int dim, const int basis, const int affine, con
                            const int averages, struct gr_engine *e, int64_t tile, const struct gr_parts parts,
                            struct batch *batch, struct gr_migrant *migrant)
 {
-    struct view views[GR_SIZE(GR_VECTORS, 1)], *const view = views - GR_SIZE(0, parts.first);
+    struct view views[GR_SIZE(GR_VECTORS, 1)];
     int64_t n = 0, first = tile * GR_LANES;
     int rows = 0;
-    GR_EACH_PART(part, parts)
-    {
-        look_at_cells(dim, basis, affine, smoothed, cell_averaged, averages, e, first + part * GR_W, &view[part]);
-        if (view[part].points > rows) rows = view[part].points;
+    GR_EACH_PART (part, parts) {
+        struct view *const view = &views[GR_SIZE(part, 0)];
+        look_at_cells(dim, basis, affine, smoothed, cell_averaged, averages, e, first + part * GR_W, view);
+        if (view->points > rows) rows = view->points;
     }
     const int fetches = e->out_of_cache && !cell_averaged && tile + 1 < e->mesh.n_tiles; /* averages: 2 to 4 % slower */
     const int64_t ahead = fetches ? e->mesh.cell[first + GR_LANES].offset : 0;
-    for (int row = 0; row < rows; row++) GR_EACH_PART(part, parts)
-        {
+    for (int row = 0; row < rows; row++)
+        GR_EACH_PART (part, parts) {
+            const struct view *const view = &views[GR_SIZE(part, 0)];
             const int64_t at = gr_slot(&e->mesh.cell[first + part * GR_W], row);
             if (!part && fetches) fetch_row(e, ahead + row * GR_LANES);
-            if (row >= view[part].points) continue;
+            if (row >= view->points) continue;
             if (__builtin_expect(batch->n == BATCH, 0)) run_law(e, batch, 0);
             gr_real *gradient = batch->gradient + batch->n * dim * dim * GR_W;
-            const unsigned inside = move_row(dim, basis, affine, smoothed, cell_averaged, averages, e, &view[part], at,
-                                             gradient, batch->hoop + batch->n * GR_W);
-            if (e->nonlocal.diffuses) v_store(batch->g_star + batch->n * GR_W, start_of_row(e, &view[part].fluidity, at));
+            const unsigned inside = move_row(dim, basis, affine, smoothed, cell_averaged, averages, e, view, at, gradient,
+                                             batch->hoop + batch->n * GR_W);
+            if (e->nonlocal.diffuses) v_store(batch->g_star + batch->n * GR_W, start_of_row(e, &view->fluidity, at));
             batch->slot[batch->n++] = at;
             if (__builtin_expect(inside != GR_ALL_LANES, 0))
                 n += list_migrants(e, first + part * GR_W, row, inside, migrant ? migrant + n : NULL);

@@ -372,7 +372,7 @@ GR_INLINE void p2g_points(const int dim, const int basis, const int affine, cons
     begin_pass(e, GR_SUMS_OF_MOTION, tile, stream, &passes.motion);
     begin_pass(e, GR_SUMS_OF_DENSITY, tile, stream, &passes.density); /* always, or compilers warn of what is not set */
     begin_pass(e, GR_SUMS_OF_VOLUME, tile, stream, &passes.volume);
-    GR_EACH_PART(part, parts) p2g_cells(dim, basis, affine, smoothed, e, tile, part, averages, &passes);
+    GR_EACH_PART (part, parts) p2g_cells(dim, basis, affine, smoothed, e, tile, part, averages, &passes);
     store_ends(k, n_rows, &passes.motion, 0, GR_SUM_DAMPED(dim));
     if (averages) store_ends(k, n_rows, &passes.density, 0, GR_DENSITY_SUMS(dim));
     if (averages && e->own_volumes) store_ends(k, n_rows, &passes.volume, 0, GR_VOLUME_SUMS);

@@ -11,7 +11,7 @@ GR_INLINE void p2g_tile(const int dim, const int basis, const int affine, const 
     else
         p2g_points(dim, basis, affine, smoothed, e, tile, parts);
     if (!e->nonlocal.fluidity) return;
-    GR_EACH_PART(part, parts) means_of_cells(e, tile * GR_LANES + part * GR_W);
+    GR_EACH_PART (part, parts) means_of_cells(e, tile * GR_LANES + part * GR_W);
 }
 
 /* Number of points of a tile that are not asleep. */
@@ -96,8 +96,8 @@ GR_INLINE void add_shear_strain(struct gr_engine *e, int64_t tile, const struct 
 {
     const struct gr_cell *cell = &e->mesh.cell[tile * GR_LANES];
     const vd dt = v_set(e->clock.dt);
-    for (int32_t row = 0; row < cell->capacity; row++) GR_EACH_PART(part, parts)
-        {
+    for (int32_t row = 0; row < cell->capacity; row++)
+        GR_EACH_PART (part, parts) {
             const int64_t at = gr_slot(cell, row) + part * GR_W;
             gr_real *const strain = gr_numbers(e, GR_FIELD_shear_strain, 0, at);
             v_store(strain, v_load(strain) + dt * component(e, GR_FIELD_shear_rate, 0, at));

@@ -39,6 +39,6 @@ GR_INLINE void smooth_tile(const int dim, const int basis, struct gr_engine *e, 
     const int k = gr_nodes_1d(basis), n_rows = gr_power(k, dim) / k;
     struct pass pass;
     begin_pass(e, GR_SUMS_OF_MOTION, tile, 0, &pass);
-    GR_EACH_PART(part, parts) smooth_cells(dim, basis, e, tile, part, &pass);
+    GR_EACH_PART (part, parts) smooth_cells(dim, basis, e, tile, part, &pass);
     store_ends(k, n_rows, &pass, 0, GR_SUM_FORCE(dim)); /* the forces are not summed */
 }

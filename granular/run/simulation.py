@@ -58,9 +58,10 @@ class Simulation(Sampled):
         Instruction set of the kernels, "baseline", "avx2" or "avx512", or "one_lane", which has the
         bits of the latter two and is slow; by default the environment variable GRANULAR_ISA, else
         the best that the machine has.
-    device : {"emulated"}, optional
-        Device that makes the steps of the material point method instead of the processor, with the
-        same bits; see :doc:`/explanation/device`.
+    device : {"gpu", "emulated"}, optional
+        What makes the steps of the material point method instead of the processor, with the bits of
+        `isa="one_lane"`, "avx2" and "avx512": the first GPU of the machine, or for tests threads of
+        the processor in its place; see :doc:`/how-to/gpu`.
     force : bool
         If True, try also a scene that needs more memory than there is, by the estimate of
         `granular.economy.cost`.
@@ -80,8 +81,10 @@ class Simulation(Sampled):
         If `scene` is not a scene.
     ValueError
         If the time step exceeds its limit, the scene cannot be built, it needs more memory than
-        there is, `threads`, `isa` or `device` is out of range, or the device does not have a part
-        of the scene.
+        there is (of the GPU, if that makes the steps), `threads`, `isa` or `device` is out of
+        range, or the device does not have a part of the scene.
+    RuntimeError
+        If there is no GPU, driver or kernel for ``device="gpu"``, or one of them is too old.
 
     Warns
     -----
