@@ -11,6 +11,7 @@
 #include "mpm/grid.c"
 #include "mpm/packing.c"
 #include "mpm/smoothed_density.c"
+#include "mpm/tally_cells.c"
 
 /* What devices are refused for (gr_device_lacks): no thread comes here. */
 int gr_point_side(const struct gr_engine *e, const double x[3], int current)

@@ -52,6 +52,7 @@ const char *gr_foreign_array(const struct gr_engine *e)
                                    GR_NAMED(config.walls),
                                    GR_NAMED(config.cell_flags.value),
                                    GR_NAMED(watch),
+                                   GR_NAMED(tally.cell),
                                    GR_NAMED(device),
                                    GR_NAMED(device->leaving),
                                    GR_NAMED(device->leaves),

@@ -3,6 +3,7 @@
 #include "mpm/grid.h"
 #include "mpm/packing.h"
 #include "mpm/smoothed_density.h"
+#include "mpm/tally_cells.h"
 
 /* The part of its tile that a cell is. */
 GR_INLINE struct gr_parts part_of(int64_t cell)
@@ -176,6 +177,11 @@ static void thread_arrive(const struct gr_launch *launch, int64_t i)
     }
     d->arrivals[i] = 0;
     thread_p2g(launch, i);
+}
+
+static void thread_tally(const struct gr_launch *launch, int64_t i)
+{
+    if (i % GR_SIZE(GR_LANES, 1) == 0) gr_tally_cells(launch->e, i); /* the emulated device does those of a tile */
 }
 
 static void thread_fastest(const struct gr_launch *launch, int64_t i)

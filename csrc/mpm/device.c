@@ -121,6 +121,13 @@ int gr_device_insert(struct gr_engine *e, struct gr_migrants *list, int *full)
     return error;
 }
 
+int gr_device_tally(struct gr_engine *e)
+{
+    const struct gr_launch launch = {.e = e};
+    gr_device_run(&launch, GR_STAGE_tally, lanes_of(e));
+    return gr_device_wait(e);
+}
+
 double gr_device_fastest(const struct gr_engine *e)
 {
     const struct gr_launch launch = {.e = (struct gr_engine *)e}; /* its threads only read it */

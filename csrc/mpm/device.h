@@ -29,6 +29,7 @@
     X(pack, cell)             \
     X(post, migrant)          \
     X(arrive, cell)           \
+    X(tally, cell)            \
     X(fastest, group)
 
 #define GR_X(stage, unit) GR_STAGE_##stage,
@@ -111,6 +112,9 @@ void gr_device_sweep(const struct gr_launch *launch);
  * of its migrants are GR_NOT_PUT.
  * Returned: 0 or GR_ERR_DEVICE. */
 int gr_device_insert(struct gr_engine *e, struct gr_migrants *list, int *full);
+
+/* Make the sums of a tally over the points of all cells. Returned: 0 or GR_ERR_DEVICE. */
+int gr_device_tally(struct gr_engine *e);
 
 /* Square of the largest speed of the points, m2/s2; 0 after a failure. */
 double gr_device_fastest(const struct gr_engine *e);

@@ -59,6 +59,12 @@ static inline double gr_stressed_from(const struct gr_material *m)
     return m->separation - gr_parameter_of(m, "tensile_strength") / m->K;
 }
 
+/* A parameter of the law of a material that dilates, whose flow dissipates mu(I) p gdot; 0 of others. */
+static inline double gr_of_dilating(const struct gr_material *m, const char *name)
+{
+    return gr_law_at(m->law)->dilates ? gr_parameter_of(m, name) : 0;
+}
+
 /* Numbers of the materials that kernels look up, made when an engine is built of a material m, the first one and the cell
  * size dx. X(name, value, description) */
 #define GR_MATERIAL_NUMBERS(X)                                                                              \
@@ -76,7 +82,10 @@ static inline double gr_stressed_from(const struct gr_material *m)
     X(FLUTTER_DEPTH, first->K * m->flutter_depth, "K of the first over rho_c g: depth over log-density, m") \
     X(DAMPING_TIME, m->damping_time, "damping time of elastic waves, s")                                    \
     X(BULK_MODULUS, m->K, "K, Pa")                                                                          \
-    X(SHEAR_MODULUS, gr_parameter_of(m, "G"), "G, Pa")
+    X(SHEAR_MODULUS, gr_parameter_of(m, "G"), "G, Pa")                                                      \
+    X(DILATING_MU_S, gr_of_dilating(m, "mu_s"), "mu_s of a material that dilates, else 0")                  \
+    X(DILATING_RISE, gr_of_dilating(m, "mu_2") - gr_of_dilating(m, "mu_s"), "mu_2 - mu_s of one")           \
+    X(DILATING_XI, gr_of_dilating(m, "xi"), "its xi, sqrt(m/kg)")
 
 #define GR_X(name, value, doc) GR_MATERIAL_##name,
 enum gr_material_number { GR_MATERIAL_NUMBERS(GR_X) GR_MATERIAL_NUMBER_COUNT };
