@@ -107,7 +107,9 @@ PyObject *gr_python_zeros(struct gr_object *self, PyObject *args)
         Py_DECREF(owner);
         return NULL;
     }
-    return PyArray_SetBaseObject((PyArrayObject *)array, owner) ? NULL : array;
+    if (!PyArray_SetBaseObject((PyArrayObject *)array, owner)) return array;
+    Py_DECREF(array);
+    return NULL;
 }
 
 PyObject *gr_python_scalars(const struct gr_object *self, const struct gr_scalar *table, int n)
