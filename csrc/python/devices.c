@@ -22,7 +22,7 @@ int gr_take_device(struct gr_object *self)
     struct gr_engine *e = self->engine;
     if (!self->device) return 0;
     const char *const lacking = gr_device_lacks(&e->config);
-    if (lacking) return gr_refuse("the device \"%s\" does not have %s", self->device->name, lacking);
+    if (lacking) return gr_refuse("device = '%s' does not have %s", self->device->name, lacking);
     const int error = gr_device_new(&e->device, self->device, gr_in_precision(self->kernels, e->config.single)->threads);
     if (error) gr_raise(error, NULL);
     return error ? -1 : 0;
