@@ -99,6 +99,13 @@ GR_CHUNK_OF_NODES(nodes, grid_nodes(run, first, last))
 
 /* ---- Stages, of a team or a device ---- */
 
+static void tiles_of_team(struct gr_run *run, gr_chunk_work *chunk) { gr_team_run(run->team, chunk, run, run->n_chunks); }
+
+static void all_of(struct gr_run *run, gr_chunk_work *chunk, int64_t n)
+{
+    gr_team_run(run->team, chunk, run, gr_chunks(run->team, n));
+}
+
 static struct gr_launch launch_of(const struct gr_run *run)
 {
     struct gr_launch launch = {.e = run->e, .pass = run->pass};
@@ -117,7 +124,7 @@ static void all_tiles(struct gr_run *run, gr_chunk_work *chunk, enum gr_device_s
     if (run->e->device)
         launch(run, stage, run->e->mesh.n_tiles * GR_LANES);
     else
-        gr_team_run(run->team, chunk, run, run->n_chunks);
+        tiles_of_team(run, chunk);
 }
 
 static void all_nodes(struct gr_run *run, gr_chunk_work *chunk, enum gr_device_stage stage)
@@ -125,7 +132,7 @@ static void all_nodes(struct gr_run *run, gr_chunk_work *chunk, enum gr_device_s
     if (run->e->device)
         launch(run, stage, run->e->mesh.n_nodes);
     else
-        gr_team_run(run->team, chunk, run, gr_chunks(run->team, gr_groups(run->e)));
+        all_of(run, chunk, gr_groups(run->e));
 }
 
 /* Wait for the threads of a device, so that the processor may look at what they have made; an error is in the engine. */
@@ -137,14 +144,6 @@ static void finish(struct gr_run *run)
 /* Run a stage for all tiles, or all nodes. */
 #define GR_ALL_TILES(run, stage) all_tiles(run, stage, GR_STAGE_##stage)
 #define GR_ALL_NODES(run, stage) all_nodes(run, stage, GR_STAGE_##stage)
-
-/* Stages that a device does not have. */
-static void tiles_of_team(struct gr_run *run, gr_chunk_work *chunk) { gr_team_run(run->team, chunk, run, run->n_chunks); }
-
-static void all_of(struct gr_run *run, gr_chunk_work *chunk, int64_t n)
-{
-    gr_team_run(run->team, chunk, run, gr_chunks(run->team, n));
-}
 
 /* Receive the sums of ghost cells, as far as the nodes of this stage need them. */
 static void receive(struct gr_run *run, unsigned parts)

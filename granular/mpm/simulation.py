@@ -91,6 +91,7 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
 
     scene: Scene
     _engine: _core.Engine
+    _same_bits = ("one_lane", "avx2", "avx512")
 
     def __init__(
         self,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -139,20 +139,16 @@ def frames_to_a_checkpoint(checkpoints: object) -> int:
     return integer("checkpoints", checkpoints, 1)
 
 
-SAME_BITS = ("one_lane", "avx2", "avx512")
-"""Instruction sets with which a run has the same bits."""
-
-
-def usable_isa(isa: str | None, path: Path) -> str | None:
+def usable_isa(isa: str | None, path: Path, same_bits: Collection[str]) -> str | None:
     """Return the instruction set with which a recorded run goes on to the last bit.
 
-    It is that of the machine if it has the bits of the recorded one, else the recorded one; or None
-    with a warning if the machine lacks both.
+    It is that of the machine if both are among `same_bits`, else the recorded one; or None with a
+    warning if the machine lacks that.
     """
     if isa is None:
         return None
     available = _core.build_info(default_isa())["isa"]
-    if isa in SAME_BITS and available in SAME_BITS:
+    if isa in same_bits and available in same_bits:
         return available
     try:
         return _core.build_info(isa)["isa"]

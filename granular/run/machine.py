@@ -28,8 +28,14 @@ def _kernels() -> tuple[bytes, ...]:
 
 
 @cache
+def _load() -> None:
+    """Load the driver of the GPU and the kernels, once."""
+    double, single = _kernels()
+    _core.open_gpu(double, single)
+
+
 def open_gpu() -> _core.Gpu:
-    """Load the driver of the GPU and the kernels, once; return its name and its memory.
+    """Open the GPU if it is not open, and return its name and its memory at present.
 
     Raises
     ------
@@ -37,8 +43,8 @@ def open_gpu() -> _core.Gpu:
         If there is no driver or no GPU, one of them is too old, or this build has no kernels.
     """
     try:
-        double, single = _kernels()
-        return _core.open_gpu(double, single)
+        _load()
+        return _core.open_gpu(b"", b"")
     except RuntimeError as error:
         raise RuntimeError(f"device = 'gpu' cannot be used: {error}") from None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from numpy.typing import NDArray
 
@@ -34,6 +34,8 @@ class Method(Resource):
     scene: AnyScene
     _engine: _core.Engine | _core.Sph
     _monitor: Monitor
+    _same_bits: ClassVar[tuple[str, ...]] = ()
+    """Instruction sets with which a run has the same bits."""
     _instead = (
         "sim.checkpoint() holds its state, and Simulation.from_checkpoint(sim.scene, checkpoint) "
         "makes another one of it"

@@ -40,7 +40,7 @@ def resumed(
         with reading(record.path, "the run cannot be resumed"):
             every, recorded, stored, precision = settings_of(record.path, record.provenance)
             if machine.isa is None and machine.device is None:
-                machine = replace(machine, isa=usable_isa(recorded, record.path))
+                machine = replace(machine, isa=usable_isa(recorded, record.path, method._same_bits))
             if scene is not None and scene != record.scene:
                 checkpoint = method._adapted(record.scene, scene, unwatched(checkpoint))
             given = scene or record.scene, checkpoint, machine

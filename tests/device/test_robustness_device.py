@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from oracle_fluidity import available
 from same_bits import bits, fields, shown
-from scenes_by_hand import scene_with
+from scenes_by_hand import two_clouds
 
 import granular as gr
 
@@ -108,22 +108,8 @@ def test_the_impulses_on_walls_and_their_patches_are_those_of_a_processor(small_
 @pytest.mark.parametrize("dim", [2, 3])
 def test_thousands_of_points_change_cells_in_a_step(dim):
     """Two clouds fly through each other: cells are full, and tiles get rows."""
-    cell, n = 0.05, 24 if dim == 2 else 12
-    middle, size = 0.5 * n * cell, (5 if dim == 2 else 3) * cell
-    boxes = [
-        gr.Box((middle,) * dim, (middle + size,) * dim),
-        gr.Box((middle - size,) * dim, (middle,) * dim),
-    ]
-    scene = scene_with(
-        grid=gr.Grid((0.0,) * dim, cell, (n,) * dim, periodic=(True,) + (False,) * (dim - 1)),
-        fills=tuple(
-            gr.Fill(box, 10**2 if dim == 2 else 4**3, jitter=1.0, density=3e3, velocity=velocity)
-            for box, velocity in zip(boxes, ((9.0,) * dim, (-6.0,) * dim), strict=True)
-        ),
-        material=gr.MuI(E=1e5),
-        gravity=0.0,
-    )
-    check_bits(scene, 40)
+    numbers = (24, 5, 10) if dim == 2 else (12, 3, 4)
+    check_bits(two_clouds(dim, *numbers), 40)
 
 
 def test_a_record_goes_on_with_a_device_and_back(tmp_path):
@@ -188,3 +174,12 @@ def test_bad_arguments_are_refused():
     alone = pytest.raises(ValueError, match="processes share runs on processors alone")
     with gr.ranks.threads(1) as comm, alone:
         gr.Simulation(small(), device="emulated", comm=comm)
+
+
+@pytest.mark.skipif(len(FUSING) < 3, reason="needs two other sets with the bits of one lane")
+def test_sph_goes_on_with_the_set_of_its_record(tmp_path):
+    """Its lanes are neighbours, over which sums go: no two sets have the same bits."""
+    sim = gr.Simulation(gr.scenes.incline_sph(height=0.05), isa=FUSING[-2])
+    sim.step(2)
+    sim.run(until=sim.time, save=tmp_path / "run.h5")
+    assert gr.Simulation.resume(tmp_path / "run.h5").isa == FUSING[-2] != FUSING[-1]

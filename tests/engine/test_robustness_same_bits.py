@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from oracle_fluidity import available
 from same_bits import bits, same_bits, shown, stepped
-from scenes_by_hand import scene_with
+from scenes_by_hand import scene_with, two_clouds
 from schemes_by_name import scheme_of
 
 import granular as gr
@@ -53,24 +53,10 @@ def test_also_where_points_leave(small_scene, typical_combination, dim):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_thousands_of_points_change_cells_in_a_step(dim):
     """Two clouds fly through each other: where many points arrive, all threads insert them."""
-    cell, n = 0.05, 40 if dim == 2 else 16
-    middle, size = 0.5 * n * cell, (8 if dim == 2 else 4) * cell
-    boxes = [
-        gr.Box((middle,) * dim, (middle + size,) * dim),
-        gr.Box((middle - size,) * dim, (middle,) * dim),
-    ]
-    scene = scene_with(
-        grid=gr.Grid((0.0,) * dim, cell, (n,) * dim, periodic=(True,) + (False,) * (dim - 1)),
-        fills=tuple(
-            gr.Fill(box, 12**2 if dim == 2 else 5**3, jitter=1.0, density=3e3, velocity=velocity)
-            for box, velocity in zip(boxes, ((9.0,) * dim, (-6.0,) * dim), strict=True)
-        ),
-        material=gr.MuI(E=1e5),
-        gravity=0.0,
-    )
+    scene = two_clouds(dim, *((40, 8, 12) if dim == 2 else (16, 4, 5)))
     one = stepped(scene, 40, threads=1)
     assert bits(stepped(scene, 40, threads=3)) == bits(one)
-    before = np.floor(one.state.x / cell)
+    before, cell = np.floor(one.state.x / scene.grid.cell), scene.grid.cell
     one.step(1)
     assert (np.floor(one.state.x / cell) != before).any(axis=1).sum() > 1000
 

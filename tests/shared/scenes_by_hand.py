@@ -18,6 +18,25 @@ def scene_with(*, gravity=9.8, **parts):
     return gr.Scene(gravity=gravity, **given | parts)
 
 
+def two_clouds(dim, cells, wide, points_per_axis):
+    """Two clouds of `wide` cells that fly through each other in a box of so many cells."""
+    cell = 0.05
+    middle, size = 0.5 * cells * cell, wide * cell
+    boxes = [
+        gr.Box((middle,) * dim, (middle + size,) * dim),
+        gr.Box((middle - size,) * dim, (middle,) * dim),
+    ]
+    return scene_with(
+        grid=gr.Grid((0.0,) * dim, cell, (cells,) * dim, periodic=(True,) + (False,) * (dim - 1)),
+        fills=tuple(
+            gr.Fill(box, points_per_axis**dim, jitter=1.0, density=3e3, velocity=velocity)
+            for box, velocity in zip(boxes, ((9.0,) * dim, (-6.0,) * dim), strict=True)
+        ),
+        material=gr.MuI(E=1e5),
+        gravity=0.0,
+    )
+
+
 def mass(scene):
     """Mass of all points of a scene at the start [kg]."""
     points = scene.points()
