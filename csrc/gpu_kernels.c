@@ -7,7 +7,9 @@
 #include "kernels.c"
 
 #ifndef GR_SINGLE
+#include "core/exact.c"
 #include "core/field.c"
+#include "fluidity/links.c"
 #include "mpm/grid.c"
 #include "mpm/packing.c"
 #include "mpm/smoothed_density.c"
@@ -17,12 +19,6 @@
 int gr_point_side(const struct gr_engine *e, const double x[3], int current)
 {
     (void)e, (void)x, (void)current;
-    __builtin_trap();
-}
-
-int gr_nonlocal_material(const struct gr_config *config)
-{
-    (void)config;
     __builtin_trap();
 }
 

@@ -22,8 +22,10 @@ static const struct gr_law *const laws[] = {
 #include "law/registry.inl"
     0};
 
+#ifndef GR_SINGLE
+#include "fluidity/passes.inl"
+#endif
 #if !defined(GR_SINGLE) && !defined(GR_ON_DEVICE)
-#include "fluidity/diffuse.inl"
 #include "sph/sums.inl"
 #include "sph/stress.inl"
 #include "sph/gas_sums.inl"
@@ -255,26 +257,33 @@ static void store_pairs(struct gr_engine *e, int64_t first, int64_t last)
     }
 }
 
-static void begin_substeps(struct gr_engine *e, int64_t first, int64_t last)
+static void begin_substeps_of(struct gr_engine *e, int64_t first, int64_t last, struct gr_parts parts)
 {
 #define GR_BEGIN_SUBSTEPS(d, b, u)                                                  \
     if (e->config.dim == d && e->config.basis == b && e->config.cell_averaged == u) \
-        begin_substeps_of_tiles(d, b, u, e, first, last);
+        begin_substeps_of_tiles(d, b, u, e, first, last, GR_PARTS_OF_CALL(parts));
     GR_2D_AND_3D(GR_BEGIN_SUBSTEPS, GR_LINEAR, 0)
     GR_2D_AND_3D(GR_BEGIN_SUBSTEPS, GR_LINEAR, 1)
     GR_2D_AND_3D(GR_BEGIN_SUBSTEPS, GR_QUADRATIC, 0)
 #undef GR_BEGIN_SUBSTEPS
 }
 
-static void substep(struct gr_engine *e, int64_t first, int64_t last)
+static void substep_of(struct gr_engine *e, int64_t first, int64_t last, struct gr_parts parts)
 {
     const struct gr_material *material = &e->config.material[0]; /* the only one where there are substeps */
     const struct gr_law *law = laws[material->law];
     if (law->reaction == GR_NGF)
-        substep_tiles(0, e, first, last, material->parameter + law->fluidity);
+        substep_tiles(0, e, first, last, material->parameter + law->fluidity, GR_PARTS_OF_CALL(parts));
     else if (law->reaction == GR_LINEAR_NGF)
-        substep_tiles(1, e, first, last, material->parameter + law->fluidity);
+        substep_tiles(1, e, first, last, material->parameter + law->fluidity, GR_PARTS_OF_CALL(parts));
 }
+
+static void begin_substeps(struct gr_engine *e, int64_t first, int64_t last)
+{
+    begin_substeps_of(e, first, last, GR_ALL_PARTS);
+}
+
+static void substep(struct gr_engine *e, int64_t first, int64_t last) { substep_of(e, first, last, GR_ALL_PARTS); }
 
 #ifndef GR_SINGLE
 static void update_hencky(int flow, int dim, const struct gr_hencky_call *call)
@@ -336,7 +345,7 @@ const struct gr_kernels GR_NAME = {
     .smooth = smooth,
     .update_fluidity = fluidity_points,
     .update_hencky = update_hencky,
-    .diffuse = diffuse,
+    .passes = &passes,
     .sph = sph,
 #endif
 #endif

@@ -43,7 +43,7 @@ struct gr_kernels {
     void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
     void (*update_fluidity)(const struct gr_fluidity_call *call);
     void (*update_hencky)(int flow, int dim, const struct gr_hencky_call *call);
-    gr_diffuse *diffuse;
+    const struct gr_passes *passes; /* of the diffusion of the fluidity */
     gr_sph_kernel *sph;
 };
 

@@ -44,6 +44,13 @@ void gr_exact_add(struct gr_exact *sum, double x)
     if (++sum->terms == MOST_TERMS) gr_exact_carry(sum);
 }
 
+void gr_exact_join(struct gr_exact *sum, const struct gr_exact *other)
+{
+    if (sum->terms + other->terms >= MOST_TERMS) gr_exact_carry(sum);
+    for (int i = 0; i < GR_EXACT_DIGITS; i++) sum->digit[i] += other->digit[i];
+    sum->terms += other->terms, sum->plus += other->plus, sum->minus += other->minus, sum->nan += other->nan;
+}
+
 double gr_exact_value(const struct gr_exact *sum)
 {
     struct gr_exact all = *sum;

@@ -21,6 +21,9 @@ _Static_assert(sizeof(struct gr_exact) == GR_EXACT_NUMBERS * sizeof(int64_t), "a
 
 void gr_exact_add(struct gr_exact *sum, double x);
 
+/* Add the terms of another sum. */
+void gr_exact_join(struct gr_exact *sum, const struct gr_exact *other);
+
 /* Carry over, so that the digits of several sums may be added up. */
 void gr_exact_carry(struct gr_exact *sum);
 

@@ -46,7 +46,8 @@ static void prepare_materials(struct gr_engine *e)
 static int build_fluidity(struct gr_engine *e, const uint8_t *face)
 {
     enum { MAX_ITERATIONS = 10000 };
-    const struct gr_material *material = &e->config.material[gr_nonlocal_material(&e->config)];
+    e->nonlocal.material = gr_nonlocal_material(&e->config);
+    const struct gr_material *material = &e->config.material[e->nonlocal.material];
     struct gr_nonlocal *nonlocal = &e->config.nonlocal;
     struct gr_fluidity_config config = {.dim = e->config.dim,
                                         .stencil = nonlocal->stencil,

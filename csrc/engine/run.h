@@ -8,7 +8,7 @@
 struct gr_run {
     struct gr_engine *e;
     const struct gr_kernels *kernels; /* in the precision of the scheme */
-    gr_diffuse *diffuse;
+    const struct gr_passes *passes;
     struct gr_team *team;
     int again, pass;
     int64_t left; /* steps left */

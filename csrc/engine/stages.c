@@ -135,15 +135,24 @@ static void all_nodes(struct gr_run *run, gr_chunk_work *chunk, enum gr_device_s
         all_of(run, chunk, gr_groups(run->e));
 }
 
+static void all_pairs(struct gr_run *run, gr_chunk_work *chunk, enum gr_device_stage stage)
+{
+    if (run->e->device)
+        launch(run, stage, run->e->mesh.n_paired);
+    else
+        all_of(run, chunk, run->e->mesh.n_paired);
+}
+
 /* Wait for the threads of a device, so that the processor may look at what they have made; an error is in the engine. */
 static void finish(struct gr_run *run)
 {
     if (run->e->device) (void)gr_device_wait(run->e);
 }
 
-/* Run a stage for all tiles, or all nodes. */
+/* Run a stage for all tiles, all nodes, or all double cells. */
 #define GR_ALL_TILES(run, stage) all_tiles(run, stage, GR_STAGE_##stage)
 #define GR_ALL_NODES(run, stage) all_nodes(run, stage, GR_STAGE_##stage)
+#define GR_ALL_PAIRS(run, stage) all_pairs(run, stage, GR_STAGE_##stage)
 
 /* Receive the sums of ghost cells, as far as the nodes of this stage need them. */
 static void receive(struct gr_run *run, unsigned parts)
@@ -211,12 +220,17 @@ int gr_stage_fluidity(struct gr_run *run)
     if (e->nonlocal.fluidity->has_inside) tiles_of_team(run, mark);
     const struct gr_diffusion_call call = {nonlocal->method, 1.0 / nonlocal->substeps * e->clock.dt, 1};
     for (int made = 0; made < nonlocal->substeps; made++) {
-        if (made) tiles_of_team(run, made == 1 ? begin_substeps : substep);
-        if (e->mesh.n_paired) all_of(run, made ? store_pairs : mean_pairs, e->mesh.n_paired);
-        e->failure.code = run->diffuse(e->nonlocal.fluidity, &call, run->team);
+        if (made == 1) GR_ALL_TILES(run, begin_substeps);
+        if (made > 1) GR_ALL_TILES(run, substep);
+        if (made)
+            GR_ALL_PAIRS(run, store_pairs);
+        else
+            GR_ALL_PAIRS(run, mean_pairs);
+        e->failure.code = e->device ? gr_device_diffuse(e, run->passes, &call, run->team)
+                                    : gr_fluidity_diffuse(e->nonlocal.fluidity, run->passes, &call, run->team, NULL);
         if (e->failure.code) {
             e->sums.valid = 0;
-            name_the_point(e);
+            if (e->failure.code != GR_ERR_DEVICE) name_the_point(e);
             break;
         }
         e->nonlocal.cg_iterations += e->nonlocal.fluidity->iterations;

@@ -203,7 +203,7 @@ static struct gr_run run_of(struct gr_engine *e, const struct gr_kernels *kernel
 {
     return (struct gr_run){.e = e,
                            .kernels = gr_in_precision(kernels, e->config.single),
-                           .diffuse = kernels->diffuse,
+                           .passes = kernels->passes,
                            .left = 1,
                            .until = INFINITY};
 }

@@ -95,20 +95,20 @@ int gr_fluidity_check(const struct gr_fluidity *f, const struct gr_diffusion_cal
 
 struct call {
     struct gr_fluidity *f;
-    gr_diffuse *kernel;
+    const struct gr_passes *passes;
     const struct gr_diffusion_call *steps;
 };
 
 static void run(void *context, struct gr_team *team)
 {
     const struct call *call = context;
-    call->kernel(call->f, call->steps, team);
+    (void)gr_fluidity_diffuse(call->f, call->passes, call->steps, team, NULL);
 }
 
-int gr_fluidity_run(struct gr_fluidity *f, gr_diffuse *kernel, const struct gr_diffusion_call *call, int threads)
+int gr_fluidity_run(struct gr_fluidity *f, const struct gr_passes *passes, const struct gr_diffusion_call *call, int threads)
 {
     const int error = gr_fluidity_check(f, call);
     if (error) return error;
-    gr_team_lead(threads, run, &(struct call){f, kernel, call});
+    gr_team_lead(threads, run, &(struct call){f, passes, call});
     return f->error;
 }

@@ -35,7 +35,7 @@
 enum gr_face { GR_FACES(GR_X) GR_FACE_COUNT };
 #undef GR_X
 
-/* Time-stepping methods (diffuse.inl). */
+/* Time-stepping methods (diffuse.c). */
 #define GR_DIFFUSIONS(X) X(explicit) X(implicit) X(rkl2)
 
 #define GR_X(name) GR_DIFFUSION_##name,
@@ -122,7 +122,7 @@ struct gr_diffusion_space {
     double *weight[2 * GR_MOST_LINKS], *rough; /* of the links to both sides; coefficient of g itself */
     double *radius;                            /* of a cell, in cells; NULL unless axisymmetric */
     double *vector[3];
-    double *partial[3]; /* parts of the sums, per chunk */
+    double *partial[2]; /* parts of the sums of a pass, per chunk */
     int64_t *partial_clamped;
     void *doubles, *bytes; /* memory of all arrays over places */
     int64_t *integers;
@@ -137,6 +137,14 @@ struct gr_fluidity_ranks {
     int (*exchange)(void *context, double *values, uint8_t *dense);
     int (*sum)(void *context, struct gr_exact *sum); /* over all ranks */
     uint8_t *foreign;                                /* per chunk: 1 if it is one of another rank */
+};
+
+/* The search for the minimum by conjugate gradients: what one pass finds and the next one uses. */
+struct gr_descent {
+    double rr, enough; /* squared norm of the residual, and the one at which the search ends */
+    double scale;      /* alpha of the next `descend`, or beta of the next `turn` */
+    int64_t made;      /* iterations of this step */
+    int ended, failed; /* passes of the search change nothing once it has ended */
 };
 
 struct gr_fluidity {
@@ -160,6 +168,7 @@ struct gr_fluidity {
     double *g;           /* 1/s; zero where not dense. A step swaps this pointer: read it again afterwards. */
     double *gain, *mean; /* for use by the caller */
     struct gr_diffusion_space space;
+    struct gr_descent descent;
     /* result of the last call */
     int64_t iterations; /* iterations of the conjugate gradients, or stages, over all steps */
     int64_t clamped;    /* cells whose negative fluidity was set to zero, over all steps */
@@ -174,9 +183,49 @@ struct gr_diffusion_call {
     int64_t steps;
 };
 
-/* The kernel of the diffusion (kernels.c), called by the leader of a team. Call gr_fluidity_check first.
+/* Passes over all cells, of which steps consist (passes.inl). */
+#define GR_DIFFUSION_PASSES(X) \
+    X(connect) X(explicit) X(first_residual) X(multiply) X(descend) X(turn) X(first_stage) X(later_stage) X(clamp)
+
+#define GR_X(name) GR_PASS_##name,
+enum gr_diffusion_pass { GR_DIFFUSION_PASSES(GR_X) GR_PASS_COUNT };
+#undef GR_X
+
+/* Coefficients of stage j of rkl2, with dt M = -k L:
+ *
+ *   Y_1 = Y_0 + mu~_1 dt M Y_0,
+ *   Y_j = mu_j Y_j-1 + nu_j Y_j-2 + (1 - mu_j - nu_j) Y_0 + mu~_j dt M Y_j-1 + gamma~_j dt M Y_0. */
+struct gr_stage {
+    double mu, nu, step, back; /* mu_j, nu_j, mu~_j k, -gamma~_j k */
+};
+
+/* What a pass is given. */
+struct gr_pass {
+    struct gr_fluidity *f;
+    enum gr_diffusion_pass which;
+    double k;            /* dt A^2 d^2/(t0 dx^2) */
+    double *g, *work[3]; /* the arrays of f, swapped */
+    double *in, *out;    /* rkl2: Y_j-1, and Y_j-2, which Y_j replaces; else `out` is the result */
+    struct gr_stage stage;
+};
+
+/* The passes for grids whose cells have 2, 3, 4 or 13 links: work on a chunk of cells, whose context is a gr_pass. */
+struct gr_passes {
+    gr_chunk_work *of[4][GR_PASS_COUNT];
+};
+
+/* A device, which makes passes in place of a team. */
+struct gr_diffusion_device {
+    void *context;
+    void (*pass)(void *context, const struct gr_pass *); /* with the end of the pass (gr_end_pass); may go on then */
+    int (*wait)(void *context);                          /* Returned: not 0 if the device has failed */
+};
+
+/* diffuse.c: make the steps of a call, as the leader of a team. Call gr_fluidity_check first. `device` is NULL if processors
+ * make all passes.
  * Returned: GR_OK, or GR_ERR_DIVERGED, after which g is unusable. */
-typedef int gr_diffuse(struct gr_fluidity *f, const struct gr_diffusion_call *call, struct gr_team *team);
+int gr_fluidity_diffuse(struct gr_fluidity *f, const struct gr_passes *passes, const struct gr_diffusion_call *call,
+                        struct gr_team *team, const struct gr_diffusion_device *device);
 
 /* Make a fluidity grid without places.
  * Returned: 0, GR_ERR_MEMORY or GR_ERR_CONFIG. */
@@ -245,8 +294,10 @@ static inline double gr_fluidity_drop(const struct gr_fluidity *f, int64_t i, in
 /* links.c: half an upper bound of the eigenvalues of L for the isotropic stencil. */
 double gr_fluidity_stiffest(const struct gr_fluidity *f);
 
-/* links.c: set the weights of all links of a chunk for the isotropic stencil, from the dense cells. */
-void gr_fluidity_weigh(struct gr_fluidity *f, int64_t chunk);
+/* links.c: set the weights of all links of a cell for the isotropic stencil, from the dense cells; and those of the listed
+ * links of a chunk. */
+void gr_fluidity_weigh(struct gr_fluidity *f, int64_t i);
+void gr_fluidity_weigh_wraps(struct gr_fluidity *f, int64_t chunk);
 
 /* Stability limit: steps must be shorter than this, s; infinite if all steps are stable.
  *
@@ -264,6 +315,7 @@ int gr_fluidity_check(const struct gr_fluidity *f, const struct gr_diffusion_cal
  * limit. At the limit an odd number damps the shortest wave to 2/(s^2 + s) of it, an even one not at all. */
 int gr_fluidity_stages(const struct gr_fluidity *f, double dt);
 
-/* Check a call, then run the kernel with at most `threads` threads.
+/* Check a call, then make its steps with at most `threads` threads.
  * Returned: 0, or the error of either. */
-int gr_fluidity_run(struct gr_fluidity *f, gr_diffuse *kernel, const struct gr_diffusion_call *call, int threads);
+int gr_fluidity_run(struct gr_fluidity *f, const struct gr_passes *passes, const struct gr_diffusion_call *call,
+                    int threads);

@@ -26,6 +26,7 @@
  * factors, up to 2 |o|, may make waves stiffer. By Gershgorin half the largest eigenvalue is at most the sum of w |o|, here
  * 3.61 in 2D and 4.96 in 3D. */
 #include <math.h>
+#include <string.h>
 
 #include "fluidity/fluidity.h"
 
@@ -67,7 +68,7 @@ static enum kind kind_of(const struct gr_fluidity *f, int64_t i, int axis, int h
 }
 
 /* Number 2 link + side of an offset. */
-static int number_of(const struct gr_fluidity *f, const int o[3])
+static int number_of_offset(const struct gr_fluidity *f, const int o[3])
 {
     for (int k = 0;; k++) {
         const int8_t *p = f->offset[k / 2];
@@ -80,7 +81,7 @@ static int number_of(const struct gr_fluidity *f, const int o[3])
 static int64_t neighbour(const struct gr_fluidity *f, int64_t i, const int o[3])
 {
     int cut;
-    const int64_t j = partner(f, i, number_of(f, o), &cut);
+    const int64_t j = partner(f, i, number_of_offset(f, o), &cut);
     return j >= 0 && f->dense[j] ? j : -1;
 }
 
@@ -132,32 +133,41 @@ static double weigh_cell(const struct gr_fluidity *f, int64_t i, double *weight)
             if (kind != OPEN) mirrors++;
             if (kind == ODD) sign = -sign;
         }
-        const double drop = steps && mirrors ? gr_fluidity_drop(f, i, number_of(f, m)) : 0;
+        const double drop = steps && mirrors ? gr_fluidity_drop(f, i, number_of_offset(f, m)) : 0;
         if (drop > 0) {
             rough += w * (sign > 0 ? drop : fmax(2 - drop, 0));
             continue;
         }
         if (steps && (!mirrors || !agrees(f, i, o, m))) continue;
         if (sign < 0) rough += 2 * w;
-        if (steps) weight[number_of(f, m)] += sign * w;
+        if (steps) weight[number_of_offset(f, m)] += sign * w;
     }
     return rough;
 }
 
-void gr_fluidity_weigh(struct gr_fluidity *f, int64_t chunk)
+void gr_fluidity_weigh(struct gr_fluidity *f, int64_t i)
 {
-    const int sides = 2 * f->n_links;
-    struct gr_wrap *wrap = f->pages.wrap + f->pages.wrap_first[chunk], *const end =
-                                                                           f->pages.wrap + f->pages.wrap_first[chunk + 1];
-    for (int64_t i = f->pages.chunk_first[chunk] * GR_PAGE; i < f->pages.chunk_first[chunk + 1] * GR_PAGE; i++) {
-        double weight[2 * GR_MOST_LINKS] = {0};
-        const int32_t *near = f->pages.near + i / GR_PAGE * sides;
-        const int lane = (int)(i % GR_PAGE);
-        int cut;
-        f->space.rough[i] = f->dense[i] ? weigh_cell(f, i, weight) : 0;
-        for (int k = 0; k < sides; k++)
-            f->space.weight[k][i] = f->dense[i] && partner(f, i, k, &cut) == near[k] + lane ? weight[k] : 0;
-        for (; wrap < end && wrap->to == i; wrap++)
-            wrap->weight = partner(f, i, wrap->link, &cut) == wrap->from ? weight[wrap->link] : 0;
+    const int sides = 2 * f->n_links, lane = (int)(i % GR_PAGE);
+    const int32_t *near = f->pages.near + i / GR_PAGE * sides;
+    double weight[2 * GR_MOST_LINKS] = {0};
+    int cut;
+    f->space.rough[i] = f->dense[i] ? weigh_cell(f, i, weight) : 0;
+    for (int k = 0; k < sides; k++)
+        f->space.weight[k][i] = f->dense[i] && partner(f, i, k, &cut) == near[k] + lane ? weight[k] : 0;
+}
+
+void gr_fluidity_weigh_wraps(struct gr_fluidity *f, int64_t chunk)
+{
+    double weight[2 * GR_MOST_LINKS];
+    int64_t i = -1;
+    int cut;
+    for (int64_t k = f->pages.wrap_first[chunk]; k < f->pages.wrap_first[chunk + 1]; k++) {
+        struct gr_wrap *wrap = &f->pages.wrap[k];
+        if (wrap->to != i) {
+            i = wrap->to;
+            memset(weight, 0, sizeof weight);
+            if (f->dense[i]) (void)weigh_cell(f, i, weight);
+        }
+        wrap->weight = partner(f, i, wrap->link, &cut) == wrap->from ? weight[wrap->link] : 0;
     }
 }

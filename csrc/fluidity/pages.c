@@ -123,7 +123,7 @@ static int reserve(struct gr_fluidity *f, int64_t n)
         gr_free(f->space.doubles), gr_free(f->space.bytes), gr_free(f->space.integers), gr_free(f->space.places);
         f->pages.capacity = n + n / 2 + 2; /* with the pages of zeros at both ends */
         const size_t capacity = (size_t)f->pages.capacity;
-        f->space.doubles = gr_malloc((capacity * (size_t)(n_vectors * GR_PAGE + 3)) * sizeof(double));
+        f->space.doubles = gr_malloc((capacity * (size_t)(n_vectors * GR_PAGE + 2)) * sizeof(double));
         f->space.bytes = gr_malloc(capacity * (size_t)n_maps * GR_PAGE);
         f->space.integers = gr_malloc(capacity * 4 * sizeof(int64_t));
         f->space.places =
@@ -143,7 +143,7 @@ static int reserve(struct gr_fluidity *f, int64_t n)
                                                         &f->space.vector[0],
                                                         &f->space.vector[1],
                                                         &f->space.vector[2]};
-    memset(f->space.doubles, 0, (size_t)(pages * (n_vectors * GR_PAGE + 3)) * sizeof(double));
+    memset(f->space.doubles, 0, (size_t)(pages * (n_vectors * GR_PAGE + 2)) * sizeof(double));
     memset(f->space.bytes, 0, (size_t)(length * n_maps));
     for (int k = 0; k < 8; k++, at += length) *vectors[k] = at + GR_PAGE;
     for (int k = 0; k < sides; k++, at += length) f->space.weight[k] = at + GR_PAGE;
@@ -152,7 +152,7 @@ static int reserve(struct gr_fluidity *f, int64_t n)
         for (int k = 0; k < sides; k++, at += length) f->drop[k] = at + GR_PAGE;
     }
     if (f->axisymmetric) f->space.radius = at + GR_PAGE, at += length;
-    for (int k = 0; k < 3; k++, at += pages) f->space.partial[k] = at;
+    for (int k = 0; k < 2; k++, at += pages) f->space.partial[k] = at;
     f->dense = (uint8_t *)f->space.bytes + GR_PAGE;
     f->inside = f->dense + length;
     for (int k = 0; k < sides; k++) f->pages.link[k] = isotropic ? 0 : f->inside + (k + 1) * length;

@@ -59,7 +59,15 @@ const char *gr_foreign_array(const struct gr_engine *e)
                                    GR_NAMED(device->place[0]),
                                    GR_NAMED(device->arrivals),
                                    GR_NAMED(device->next),
-                                   GR_NAMED(device->fastest)};
+                                   GR_NAMED(device->fastest),
+                                   GR_NAMED(device->products[0]),
+                                   GR_NAMED(device->exact),
+                                   GR_NAMED(nonlocal.fluidity),
+                                   GR_NAMED(nonlocal.substeps),
+                                   GR_NAMED(nonlocal.substep_mass),
+                                   GR_NAMED(mesh.place),
+                                   GR_NAMED(mesh.paired),
+                                   GR_NAMED(mesh.other)};
     for (size_t k = 0; k < sizeof arrays / sizeof *arrays; k++)
         if (arrays[k].array && !gr_in_block(arrays[k].array)) return arrays[k].name;
     for (int d = 0; d < e->config.dim; d++) {
@@ -68,5 +76,11 @@ const char *gr_foreign_array(const struct gr_engine *e)
     }
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         if (e->points.field[f] && !gr_in_block(e->points.field[f])) return gr_field_table[f].name;
+    const struct gr_fluidity *f = e->nonlocal.fluidity;
+    const void *const grid[] = {f ? f->space.doubles : NULL, f ? f->space.bytes : NULL, f ? f->space.integers : NULL,
+                                f ? f->space.places : NULL,  f ? f->pages.wrap : NULL,  f ? f->side.value : NULL,
+                                f ? f->page_of.value : NULL};
+    for (size_t k = 0; k < sizeof grid / sizeof *grid; k++)
+        if (grid[k] && !gr_in_block(grid[k])) return "nonlocal.fluidity->space";
     return e->watch && e->watch->node && !gr_in_block(e->watch->node) ? "watch->node" : NULL;
 }

@@ -60,7 +60,8 @@ static struct {
     int tried, device;
     char refusal[256]; /* why there is no GPU; empty if there is one */
     void *context, *function[2][GR_STAGE_COUNT];
-    address engine; /* a copy of the engine that runs */
+    address engine;        /* a copy of the engine that runs */
+    struct gr_engine last; /* what was copied last */
 #define X(name, types) int(*name) types;
     FUNCTIONS(X)
 #undef X
@@ -107,7 +108,16 @@ static void begin(struct gr_device *d)
     if (!*d->failure) gr_each_block(bring); /* only for speed: memory follows its use in any case */
 }
 
-/* The engine is copied for each launch: the processor changes it between them, and its pages are not to go to and fro. */
+/* Copy the engine to the GPU if it is not what is there: the processor changes it between launches, and its pages are not to
+ * go to and fro. Returned: an error of the driver. */
+static int copy_engine(const struct gr_engine *e)
+{
+    if (!memcmp(&gpu.last, e, sizeof *e)) return 0;
+    memcpy(&gpu.last, e, sizeof *e);
+    return gpu.cuMemcpyHtoDAsync_v2(gpu.engine, &gpu.last, sizeof gpu.last, NULL);
+}
+
+/* Engines of several threads take turns, launch by launch. */
 static void run(const struct gr_launch *launch, enum gr_device_stage stage, int64_t n)
 {
     struct gr_device *d = launch->e->device;
@@ -117,10 +127,12 @@ static void run(const struct gr_launch *launch, enum gr_device_stage stage, int6
     const int64_t blocks = (n + BLOCK - 1) / BLOCK;
     if (!n || *d->failure) return;
     there.e = (struct gr_engine *)(uintptr_t)gpu.engine;
-    note(d, gpu.cuMemcpyHtoDAsync_v2(gpu.engine, launch->e, sizeof *launch->e, NULL));
-    if (*d->failure) return;
-    note(d, gpu.cuLaunchKernel(gpu.function[launch->e->config.single][stage], (unsigned)blocks, 1, 1, BLOCK, 1, 1, 0, NULL,
-                               arguments, NULL));
+    pthread_mutex_lock(&guard);
+    note(d, copy_engine(launch->e));
+    if (!*d->failure)
+        note(d, gpu.cuLaunchKernel(gpu.function[launch->e->config.single][stage], (unsigned)blocks, 1, 1, BLOCK, 1, 1, 0,
+                                   NULL, arguments, NULL));
+    pthread_mutex_unlock(&guard);
 }
 
 static void wait(struct gr_device *d)

@@ -196,6 +196,8 @@ static void thread_fastest(const struct gr_launch *launch, int64_t i)
     e->device->fastest[i] = largest;
 }
 
+#include "gpu/fluidity.inl"
+
 static gr_thread *const threads[GR_STAGE_COUNT] = {
 #define GR_X(stage, unit) thread_##stage,
     GR_DEVICE_STAGES(GR_X)

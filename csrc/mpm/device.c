@@ -14,7 +14,6 @@ static int64_t lanes_of(const struct gr_engine *e) { return e->mesh.n_tiles * GR
 const char *gr_device_lacks(const struct gr_config *config)
 {
     if (config->n_bodies) return "bodies";
-    if (gr_nonlocal_material(config) >= 0) return "nonlocal laws";
     if (config->scheme.sleep_speed > 0) return "material that sleeps (sleep_speed)";
     for (int k = 0; k < config->n_materials; k++)
         if (config->material[k].function) return "laws of the user";
@@ -33,8 +32,9 @@ int gr_device_new(struct gr_device **device, const struct gr_backend *backend, g
 void gr_device_free(struct gr_device *device)
 {
     if (!device) return;
-    void *const owned[] = {device->leaving,  device->leaves,    device->place[0], device->place[1], device->place[2],
-                           device->of_group, device->of_groups, device->arrivals, device->next,     device->fastest};
+    void *const owned[] = {device->leaving,     device->leaves,      device->place[0], device->place[1], device->place[2],
+                           device->of_group,    device->of_groups,   device->arrivals, device->next,     device->fastest,
+                           device->products[0], device->products[1], device->exact};
     for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) gr_free(owned[k]);
     gr_free(device);
 }
@@ -60,7 +60,7 @@ static int reserve_cells(struct gr_device *d, int64_t n)
 int gr_device_reserve(struct gr_engine *e)
 {
     struct gr_device *d = e->device;
-    if (reserve_cells(d, lanes_of(e))) return GR_ERR_MEMORY;
+    if (reserve_cells(d, lanes_of(e)) || gr_device_reserve_fluidity(e)) return GR_ERR_MEMORY;
     if (e->migration.pending_capacity <= d->n_points) return GR_OK;
     d->n_points = 0;
     GR_RESIZE(d->leaves, e->migration.pending_capacity);

@@ -10,6 +10,18 @@
 #include "core/team.h"
 #include "mpm/engine.h"
 
+/* X(stage, one of what its threads are): the parts of the passes of the diffusion (fluidity/passes.inl), which are in double
+ * precision in any case; `lane`: the places of the pages of a chunk that have the same number. */
+#define GR_FLUIDITY_STAGES(X) \
+    X(connect_cells, place)   \
+    X(connect_wraps, chunk)   \
+    X(begin_cells, place)     \
+    X(wraps, chunk)           \
+    X(end_cells, place)       \
+    X(products, lane)         \
+    X(sums, group)            \
+    X(end_sums, once)
+
 /* X(stage, one of what its threads are): the stages of a step. */
 #define GR_DEVICE_STAGES(X)   \
     X(p2g, cell)              \
@@ -30,7 +42,12 @@
     X(post, migrant)          \
     X(arrive, cell)           \
     X(tally, cell)            \
-    X(fastest, group)
+    X(fastest, group)         \
+    X(mean_pairs, pair)       \
+    X(store_pairs, pair)      \
+    X(begin_substeps, cell)   \
+    X(substep, cell)          \
+    GR_FLUIDITY_STAGES(X)
 
 #define GR_X(stage, unit) GR_STAGE_##stage,
 enum gr_device_stage { GR_DEVICE_STAGES(GR_X) GR_STAGE_COUNT };
@@ -40,7 +57,8 @@ enum gr_device_stage { GR_DEVICE_STAGES(GR_X) GR_STAGE_COUNT };
 struct gr_launch {
     struct gr_engine *e;
     double gravity[3];
-    int pass; /* of XPIC */
+    int pass;                 /* of XPIC */
+    struct gr_pass diffusion; /* of the fluidity */
 };
 
 /* Thread number i of a stage. */
@@ -78,6 +96,9 @@ struct gr_device {
     int64_t *of_group, *of_groups; /* migrants of a group of cells, and of a group of these */
     int64_t *arrivals, *next; /* per cell: 1 + a migrant that comes to it; per migrant: the same for the next one, 0: none */
     double *fastest;          /* per group of cells: square of the largest speed, m2/s2 */
+    int64_t n_chunks;         /* of the fluidity grid, for which there is memory */
+    double *products[2];      /* sums of a pass, of the lanes of each chunk */
+    struct gr_exact *exact;   /* two per group of chunks: the sums of it */
     struct gr_device_counts counts;
 };
 
@@ -88,8 +109,9 @@ const char *gr_device_lacks(const struct gr_config *config);
 int gr_device_new(struct gr_device **device, const struct gr_backend *backend, gr_thread *const *threads);
 void gr_device_free(struct gr_device *device);
 
-/* Reserve memory for the cells and slots of the mesh. Returned: 0 or GR_ERR_MEMORY. */
+/* Reserve memory for the cells and slots of the mesh, and for the fluidity grid. Returned: 0 or GR_ERR_MEMORY. */
 int gr_device_reserve(struct gr_engine *e);
+int gr_device_reserve_fluidity(struct gr_engine *e);
 
 /* Begin to make steps, led by a team, and end it. */
 void gr_device_begin(struct gr_engine *e, struct gr_team *team);
@@ -112,6 +134,10 @@ void gr_device_sweep(const struct gr_launch *launch);
  * of its migrants are GR_NOT_PUT.
  * Returned: 0 or GR_ERR_DEVICE. */
 int gr_device_insert(struct gr_engine *e, struct gr_migrants *list, int *full);
+
+/* Make the steps of a call of the diffusion (gr_fluidity_diffuse). */
+int gr_device_diffuse(struct gr_engine *e, const struct gr_passes *passes, const struct gr_diffusion_call *call,
+                      struct gr_team *team);
 
 /* Make the sums of a tally over the points of all cells. Returned: 0 or GR_ERR_DEVICE. */
 int gr_device_tally(struct gr_engine *e);

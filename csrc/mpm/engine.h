@@ -208,6 +208,7 @@ struct gr_clock {
 /* A nonlocal law: the fluidity of the cells, means over their dense points, diffused in place; NULL for a local law. */
 struct gr_nonlocal_state {
     struct gr_fluidity *fluidity;
+    int material;     /* which has the law */
     double *substeps; /* state of the points between substeps (law/substep.h); NULL without substeps */
     int64_t substep_capacity;
     double *substep_mass, *substep_flow,

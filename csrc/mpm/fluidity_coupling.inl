@@ -28,10 +28,9 @@ GR_INLINE void store_gain(struct gr_engine *e, int64_t place, double g, double g
  * fluidity diffuses into them, as with the law itself for A = 0. */
 GR_INLINE vm is_nonlocal(const struct gr_engine *e, int64_t at)
 {
-    const int k = gr_nonlocal_material(&e->config);
-    double is_k[GR_W];
-    for (int l = 0; l < GR_W; l++) is_k[l] = gr_material_at(e, at + l) == k;
-    return v_gt(v_load(is_k), v_zero());
+    double is_one[GR_W];
+    for (int l = 0; l < GR_W; l++) is_one[l] = gr_material_at(e, at + l) == e->nonlocal.material;
+    return v_gt(v_load(is_one), v_zero());
 }
 
 /* Points with pressure in the slots from `at` on. */

@@ -2,13 +2,14 @@
 #include "law/substep.h"
 #include "mpm/migrate.h"
 
-/* L dt of the points of a tile at their present positions. Whenever the batch is full, the first substep of its points
- * is made. */
+/* L dt of the points of a tile, or of parts of it, at their present positions. Whenever the batch is full, the first substep
+ * of its points is made. */
 GR_INLINE void strain_tile(const int dim, const int basis, const int cell_averaged, struct gr_engine *e, int64_t tile,
-                           struct batch *batch)
+                           const struct gr_parts parts, struct batch *batch)
 {
     const int K = gr_power(gr_nodes_1d(basis), dim);
-    for (int64_t first = tile * GR_LANES; first < (tile + 1) * GR_LANES; first += GR_W) {
+    GR_EACH_PART (part, parts) {
+        const int64_t first = tile * GR_LANES + part * GR_W;
         struct view view;
         look_at_cells(dim, basis, GR_AFFINE_NONE, 0, cell_averaged, 0, e, first, &view);
         for (int row = 0; row < view.points; row++) {
@@ -63,47 +64,63 @@ GR_INLINE void store_substep(struct gr_engine *e, int64_t index)
     store_mean(e, gr_place_of_cell(e, cell), m, g, gain);
 }
 
-/* The first of many substeps, before the points move: for tiles [first, last), the state of their points and the
- * fluidity. That of double cells follows when both sides are known (store_pairs), as in all substeps. */
-GR_INLINE void begin_substeps_of_tiles(const int dim, const int basis, const int cell_averaged, struct gr_engine *e,
-                                       int64_t first, int64_t last)
+/* The same for the cells of a tile, or of parts of it; that of double cells follows when both sides are known (store_pairs). */
+GR_INLINE void store_substeps(struct gr_engine *e, int64_t tile, const struct gr_parts parts)
 {
-    struct batch batch;
-    const int64_t begin = first * GR_LANES, end = last * GR_LANES;
-    batch.n = 0;
-    for (int64_t tile = first; tile < last; tile++) strain_tile(dim, basis, cell_averaged, e, tile, &batch);
-    if (batch.n) run_law(e, &batch, 1);
-    for (int64_t c = begin; c < end; c += GR_W) weigh_cells(e, c);
-    for (int64_t c = begin; c < end && c < e->mesh.n_cells; c++)
-        if (!GR_IS_DOUBLE(&e->mesh.cell[c])) store_substep(e, c);
+    for (int64_t c = tile * GR_LANES + parts.first * GR_W; c < tile * GR_LANES + parts.last * GR_W; c++)
+        if (c < e->mesh.n_cells && !GR_IS_DOUBLE(&e->mesh.cell[c])) store_substep(e, c);
 }
 
-/* One substep of the points, and the new fluidity of the tiles [first, last). */
-GR_INLINE void substep_tiles(const int linear, struct gr_engine *e, int64_t first, int64_t last, const double *fluidity)
+/* The fluidity after a substep of the points of a tile, or of parts of it, in which the law was called for them. */
+GR_INLINE void end_first_substep(struct gr_engine *e, int64_t tile, const struct gr_parts parts)
+{
+    GR_EACH_PART (part, parts) weigh_cells(e, tile * GR_LANES + part * GR_W);
+    store_substeps(e, tile, parts);
+}
+
+/* The first of many substeps, before the points move: for tiles [first, last), the state of their points and the
+ * fluidity. */
+GR_INLINE void begin_substeps_of_tiles(const int dim, const int basis, const int cell_averaged, struct gr_engine *e,
+                                       int64_t first, int64_t last, const struct gr_parts parts)
+{
+    struct batch batch;
+    batch.n = 0;
+    for (int64_t tile = first; tile < last; tile++) strain_tile(dim, basis, cell_averaged, e, tile, parts, &batch);
+    if (batch.n) run_law(e, &batch, 1);
+    for (int64_t tile = first; tile < last; tile++) end_first_substep(e, tile, parts);
+}
+
+/* One substep of the points of the cells from `first` on. */
+GR_INLINE void substep_cells(const int linear, struct gr_engine *e, int64_t first, const struct gr_fluidity_numbers *numbers)
 {
     const vd fraction = v_set(1.0 / e->config.nonlocal.substeps);
-    const struct gr_fluidity_numbers numbers = gr_fluidity_numbers_of(fluidity, e->clock.dt / e->config.nonlocal.substeps);
-    const int64_t begin = first * GR_LANES, end = last * GR_LANES;
-    for (int64_t c = begin; c < end; c += GR_W) {
-        struct fluidity_start starts;
-        int points = 0;
-        for (int l = 0; l < GR_W; l++) points = points > e->mesh.cell[c + l].count ? points : e->mesh.cell[c + l].count;
-        fluidity_starts(e, c, &starts);
-        vd flow = v_zero(), gain = v_zero();
-        for (int n = 0; n < points; n++) {
-            const int64_t at = gr_slot(&e->mesh.cell[c], n);
-            const vd weight = v_load(gr_substep_at(e->nonlocal.substeps, at, GR_SUBSTEP_weight));
-            const vm dense = v_gt(weight, v_zero());
-            const vd start = start_of_points(e, &starts, dense, at);
-            const vd g = gr_substep(linear, 0, &numbers, fraction, e->nonlocal.substeps, at,
-                                    gr_fluidity_start(&numbers, start), v_zero(), gr_numbers(e, GR_FIELD_shear_rate, 0, at));
-            v_store(gr_numbers(e, GR_FIELD_g, 0, at), g);
-            flow = v_fma(weight, v_keep(dense, g), flow);
-            gain = v_fma(weight, v_keep(dense, g - start), gain);
-        }
-        v_store(e->nonlocal.substep_flow + c, flow);
-        v_store(e->nonlocal.substep_gain + c, gain);
+    struct fluidity_start starts;
+    int points = 0;
+    for (int l = 0; l < GR_W; l++) points = points > e->mesh.cell[first + l].count ? points : e->mesh.cell[first + l].count;
+    fluidity_starts(e, first, &starts);
+    vd flow = v_zero(), gain = v_zero();
+    for (int n = 0; n < points; n++) {
+        const int64_t at = gr_slot(&e->mesh.cell[first], n);
+        const vd weight = v_load(gr_substep_at(e->nonlocal.substeps, at, GR_SUBSTEP_weight));
+        const vm dense = v_gt(weight, v_zero());
+        const vd start = start_of_points(e, &starts, dense, at);
+        const vd g = gr_substep(linear, 0, numbers, fraction, e->nonlocal.substeps, at, gr_fluidity_start(numbers, start),
+                                v_zero(), gr_numbers(e, GR_FIELD_shear_rate, 0, at));
+        v_store(gr_numbers(e, GR_FIELD_g, 0, at), g);
+        flow = v_fma(weight, v_keep(dense, g), flow);
+        gain = v_fma(weight, v_keep(dense, g - start), gain);
     }
-    for (int64_t c = begin; c < end && c < e->mesh.n_cells; c++)
-        if (!GR_IS_DOUBLE(&e->mesh.cell[c])) store_substep(e, c);
+    v_store(e->nonlocal.substep_flow + first, flow);
+    v_store(e->nonlocal.substep_gain + first, gain);
+}
+
+/* One substep of the points, and the new fluidity, of the tiles [first, last). */
+GR_INLINE void substep_tiles(const int linear, struct gr_engine *e, int64_t first, int64_t last, const double *fluidity,
+                             const struct gr_parts parts)
+{
+    const struct gr_fluidity_numbers numbers = gr_fluidity_numbers_of(fluidity, e->clock.dt / e->config.nonlocal.substeps);
+    for (int64_t tile = first; tile < last; tile++) {
+        GR_EACH_PART (part, parts) substep_cells(linear, e, tile * GR_LANES + part * GR_W, &numbers);
+        store_substeps(e, tile, parts);
+    }
 }

@@ -90,7 +90,7 @@ static PyObject *diffuse(struct gr_fluidity *f, const struct gr_kernels *kernels
     for (int64_t i = 0; i < f->n_cells; i++) f->dense[i] = dense[i] != 0;
     if (f->rough_bodies) set_distances(f, PyArray_DATA(arrays[3]));
     Py_BEGIN_ALLOW_THREADS
-    error = gr_fluidity_run(f, kernels->diffuse, call, threads);
+    error = gr_fluidity_run(f, kernels->passes, call, threads);
     Py_END_ALLOW_THREADS
     if (error) return raise_diffusion(error, f, call);
     memcpy(PyArray_DATA(arrays[0]), f->g, bytes);

@@ -39,7 +39,7 @@ static struct gr_fluidity *built(const struct gr_fluidity_config *config)
 static int run(struct gr_fluidity *f, const char *isa, int method, double dt, int64_t steps, int threads)
 {
     const struct gr_diffusion_call call = {method, dt, steps};
-    return gr_fluidity_run(f, gr_kernels_select(isa)->diffuse, &call, threads);
+    return gr_fluidity_run(f, gr_kernels_select(isa)->passes, &call, threads);
 }
 
 /* Three cells in a row between a no-slip wall on the left and an open end: one explicit step by hand. */

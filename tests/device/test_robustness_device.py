@@ -1,5 +1,7 @@
 """A device makes the steps of a run with the bits of a processor; what it lacks is refused."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from oracle_fluidity import available
@@ -7,6 +9,7 @@ from same_bits import bits, fields, shown
 from scenes_by_hand import two_clouds
 
 import granular as gr
+from granular.mpm.schemes import Fluidity
 
 FUSING = [isa for isa in available() if isa != "baseline"]
 """Instruction sets with the bits of a device; the last of these is the fastest."""
@@ -62,6 +65,7 @@ def test_also_with_single_precision(small_scene, dim):
     check_bits(scene.replace(scheme=scene.scheme.replace(precision="single")), 120)
 
 
+FLUIDITY = {"d": 0.02, "A": 0.5, "t0": 1e-2}
 LAWS = {
     "elastic": gr.materials.Elastic(E=1e5),
     "Drucker-Prager": gr.materials.DruckerPrager(E=1e5),
@@ -70,20 +74,58 @@ LAWS = {
     "Hencky mu(I)": gr.MuI(E=1e5, elasticity="hencky"),
     "hardening": gr.materials.HardeningDruckerPrager(E=1e5),
     "restitution": gr.MuI(E=1e5, restitution=0.5, contact_diameter=0.01),
+    "NGF": gr.materials.NGF(E=1e5, **FLUIDITY),
+    "Hencky NGF": gr.materials.NGF(E=1e5, elasticity="hencky", **FLUIDITY),
 }
 
 
 @pytest.mark.parametrize("material", LAWS.values(), ids=LAWS)
-def test_every_local_law_has_the_bits_of_a_processor(small_scene, material, dim):
+def test_every_law_has_the_bits_of_a_processor(small_scene, material, dim):
     scene = small_scene("walls", dim, ("quadratic", "tpic", "smoothed"))
     check_bits(scene.replace(material=material), 90)
 
 
-def test_also_several_materials(small_scene, dim):
+@pytest.mark.parametrize(
+    "second",
+    [
+        gr.materials.DruckerPrager(E=2e5, rho_c=1200.0),
+        gr.materials.NGF(E=2e5, rho_c=1200.0, **FLUIDITY),
+    ],
+    ids=["local", "nonlocal"],
+)
+def test_also_several_materials(small_scene, second, dim):
     scene = small_scene("walls", dim, ("quadratic", "tpic", "smoothed"), E=1e5)
-    second = gr.materials.DruckerPrager(E=2e5, rho_c=1200.0)
     fills = (scene.fills[0], scene.fills[1].replace(material=second))
     check_bits(scene.replace(fills=fills), 90)
+
+
+WAYS = list(product(("explicit", "implicit", "rkl2"), ("faces", "isotropic"), (1, 3)))
+
+
+@pytest.mark.parametrize(("method", "stencil", "substeps"), WAYS)
+@pytest.mark.parametrize("density", ["smoothed", "cell_averaged"])
+def test_the_fluidity_diffuses_with_the_bits_of_a_processor(
+    small_scene, density, method, stencil, substeps
+):
+    """In every way, between rough walls and across periodic ends."""
+    basis = "quadratic" if density == "smoothed" else "linear"
+    dim = 2 if stencil == "faces" or density == "cell_averaged" else 3
+    scene = small_scene("periodic", dim, (basis, "tpic", density))
+    diffusion = Fluidity(method=method, stencil=stencil, substeps=substeps, initial=0.5)
+    scheme = scene.scheme.replace(fluidity=diffusion, dt=2e-4)
+    check_bits(scene.replace(material=LAWS["NGF"], scheme=scheme), 40)
+
+
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_also_on_a_grid_of_many_pages(precision):
+    """Sums are of several groups of chunks, and the search for g takes many iterations."""
+    diffusion = Fluidity(method="implicit", initial=0.5, tolerance=1e-9)
+    scheme = gr.Scheme(precision=precision, fluidity=diffusion, dt=1e-4)
+    sand = LAWS["NGF"].replace(d=0.1)
+    scene = gr.scenes.column_collapse(cell=0.0016, points_per_cell=1, material=sand)
+    fills = tuple(fill.replace(lithostatic=True) for fill in scene.fills)
+    sim = check_bits(scene.replace(scheme=scheme, fills=fills), 4)[1]
+    assert sim._engine.fluidity()["iterations"] > 20
 
 
 @pytest.mark.parametrize(
@@ -92,6 +134,7 @@ def test_also_several_materials(small_scene, dim):
         ("column_collapse", {"cell": 0.05, "points_per_cell": 4}),
         ("cylinder_collapse", {"cell": 0.1}),
         ("cylinder_collapse", {"cell": 0.05, "axisymmetric": True}),
+        ("cylinder_collapse", {"cell": 0.05, "axisymmetric": True, "material": LAWS["NGF"]}),
         ("silo_fed", {"cell": 0.02, "duration": 0.3}),
     ],
 )
@@ -149,7 +192,6 @@ def small():
     ("scene", "what"),
     [
         (lambda: gr.scenes.penetration(cell=0.04), "bodies"),
-        (lambda: gr.scenes.chute_ngf(columns=2), "nonlocal laws"),
         (lambda: small().replace(scheme=gr.Scheme(sleep_speed=0.02)), "sleep_speed"),
         (lambda: gr.scenes.incline_sph(height=0.05), "processors alone compute SPH"),
     ],

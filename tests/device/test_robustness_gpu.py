@@ -104,10 +104,35 @@ def test_a_gpu_has_the_bits_of_a_processor(driver):
         xpic = scheme_of("quadratic", "xpic", "particle")
         check("column_collapse", {"cell": 0.05, "scheme": xpic})
         check("silo_fed", {"cell": 0.02, "duration": 0.3})
+        sand = gr.materials.NGF(E=1e5, d=0.02, A=0.5, t0=1e-2)
+        for method in ("implicit", "rkl2"):
+            way = gr.mpm.schemes.Fluidity(method=method, initial=0.5, substeps=2)
+            check("column_collapse", {"cell": 0.05, "material": sand}, fluidity=way, dt=2e-4)
+        check("chute_ngf", {"columns": 2}, 20)
     """
     lines = said(driver, script).splitlines()
-    assert len(lines) == 8
+    assert len(lines) == 11
     assert all(line.endswith("True") for line in lines), lines
+
+
+@pytest.mark.slow
+def test_threads_that_run_at_once_have_the_gpu_in_turns(driver):
+    """Each launch is for the engine of its own thread."""
+    script = """
+        from concurrent.futures import ThreadPoolExecutor
+
+        scenes = [gr.scenes.column_collapse(cell=cell) for cell in (0.05, 0.04)]
+
+        def state(scene, **machine):
+            sim = gr.Simulation(scene, **machine)
+            sim.step(60)
+            return bits(sim)
+
+        with ThreadPoolExecutor(2) as pool:
+            together = list(pool.map(lambda scene: state(scene, device="gpu"), scenes))
+        print(together == [state(scene, threads=1, isa="one_lane") for scene in scenes])
+    """
+    assert said(driver, script) == "True\n"
 
 
 REFUSED = """

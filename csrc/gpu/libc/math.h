@@ -2,6 +2,7 @@
 #pragma once
 
 #define INFINITY (__builtin_inff())
+#define NAN (__builtin_nanf(""))
 #define M_PI 3.14159265358979323846
 #define M_SQRT2 1.41421356237309504880
 #define M_SQRT1_2 0.70710678118654752440
@@ -12,5 +13,17 @@
 /* As the functions of a processor, to the sign of zero. */
 static inline double fmax(double x, double y) { return x >= y || y != y ? x : y; }
 static inline double fmin(double x, double y) { return x <= y || y != y ? x : y; }
+
+/* x 2^n of a whole number x, rounded once: the first products are exact. */
+static inline double ldexp(double x, int n)
+{
+    for (; n < -1022; n += 1022) x *= 0x1p-1022;
+    for (; n > 1023; n -= 1023) x *= 0x1p1023;
+    const union {
+        long long bits;
+        double power;
+    } two = {(long long)(n + 1023) << 52};
+    return x * two.power;
+}
 
 double nextafter(double x, double y);

@@ -34,7 +34,7 @@ PAPER.equations += [
     Equation(
         "6",
         "dynamical equation of the fluidity",
-        (NGF, "csrc/fluidity/diffuse.inl:diffuse"),
+        (NGF, "csrc/fluidity/diffuse.c:gr_fluidity_diffuse"),
         "diffusion on the grid and reaction at the points in succession; the reaction is implicit, "
         "so that the fluidity remains positive in any time step",
     ),
@@ -72,7 +72,7 @@ PAPER.equations += [
     Equation(
         "16",
         "Laplacian by a 7-point stencil",
-        ("csrc/fluidity/diffuse.inl:outflow",),
+        ("csrc/fluidity/passes.inl:outflow",),
         "on cells, of normalised means of the fluidity; the published code takes sums that are not "
         'normalised. The recommended 27 points: `Fluidity(stencil="isotropic")`',
     ),

@@ -7,7 +7,7 @@ UPDATE = "csrc/law/fluidity_update.h:gr_fluidity_update"
 LAW = "csrc/law/ngf.inl:law_ngf"
 
 PAPER.equations += [
-    Equation("2.1", "evolution of the fluidity", (UPDATE, "csrc/fluidity/diffuse.inl:outflow")),
+    Equation("2.1", "evolution of the fluidity", (UPDATE, "csrc/fluidity/passes.inl:outflow")),
     Equation("2.2", "shear rate of a fluidity", (LAW,)),
     Equation(
         "3.1",
@@ -17,14 +17,14 @@ PAPER.equations += [
     Equation(
         "5.1",
         "Laplacian of the fluidity of the cells",
-        ("csrc/fluidity/diffuse.inl:outflow",),
+        ("csrc/fluidity/passes.inl:outflow",),
         'the same with `stencil="faces"`; cells without material have no face',
     ),
     Equation("5.2", "the evolution again, with b = (mu_2 - mu_s)/I0", (UPDATE,)),
     Equation(
         "5.3",
         "step of diffusion",
-        ("csrc/fluidity/diffuse.inl:explicit_chunk", "csrc/mpm/fluidity_coupling.inl:store_gain"),
+        ("csrc/fluidity/diffuse.c:explicit_step", "csrc/mpm/fluidity_coupling.inl:store_gain"),
         "backward Euler, balanced with the law, where an explicit step would not be stable",
     ),
     Equation(
