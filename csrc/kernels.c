@@ -345,7 +345,7 @@ const struct gr_kernels GR_NAME = {
     .smooth = smooth,
     .update_fluidity = fluidity_points,
     .update_hencky = update_hencky,
-    .passes = &passes,
+    .passes = &passes_of_diffusion,
     .sph = sph,
 #endif
 #endif

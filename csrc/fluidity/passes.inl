@@ -265,7 +265,7 @@ GR_INLINE void connect_chunk(const int links, const struct gr_pass *w, int64_t c
 GR_DIFFUSION_PASSES(GR_X)
 #undef GR_X
 
-static const struct gr_passes passes = {{
+static const struct gr_passes passes_of_diffusion = {{
 #define GR_X(pass) pass##_2,
     {GR_DIFFUSION_PASSES(GR_X)},
 #undef GR_X
