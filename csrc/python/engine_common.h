@@ -95,6 +95,11 @@ int gr_refuse_clock(double time, double dt);
 
 void gr_set_scalars(void *engine, const struct gr_scalar *table, int n, const void *from);
 
+/* fluidity.c: refuse a substep of the diffusion that is too long, returned: 0, or -1 with ValueError set; and the numbers of
+ * the fluidity, None without. */
+int gr_refuse_diffusion(const struct gr_engine *e);
+PyObject *gr_python_fluidity(const struct gr_engine *e);
+
 /* ranks.c: methods of an engine that shares its run with other processes. */
 PyObject *gr_python_share(struct gr_object *self, struct gr_engine *e, PyObject *args);
 PyObject *gr_python_blocks(const struct gr_engine *e, PyObject *args);

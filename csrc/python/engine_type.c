@@ -1,6 +1,5 @@
 /* The Python type `Engine`, of the material point method (MPM); what its methods do is said in their table below. */
 #include <float.h>
-#include <math.h>
 
 #include "engine/build.h"
 #include "engine/drive.h"
@@ -15,25 +14,6 @@
 _Static_assert(GR_FIELD_COUNT <= GR_MAX_FIELDS, "every field has its place in struct gr_object");
 
 /* ---- construction ---- */
-
-/* A substep of the diffusion that is too long. Returned: 0, or -1 with ValueError set. */
-static int refuse_diffusion(const struct gr_engine *e)
-{
-    const struct gr_nonlocal *nonlocal = &e->config.nonlocal;
-    if (!e->nonlocal.fluidity) return 0;
-    const double dt = gr_longest_dt(&e->config), limit = gr_fluidity_limit(e->nonlocal.fluidity, nonlocal->method);
-    const struct gr_diffusion_call call = {nonlocal->method, dt / nonlocal->substeps, 1};
-    const int error = gr_fluidity_check(e->nonlocal.fluidity, &call);
-    if (!error) return 0;
-    if (error == GR_ERR_LIMIT)
-        return gr_refuse(
-            "dt = %.4g s in %d substeps of the fluidity must be below %.4g s each, the limit of method \"%s\" and "
-            "stencil \"%s\": take %.0f substeps or more, or method \"implicit\"",
-            dt, nonlocal->substeps, limit, gr_diffusion_names[nonlocal->method], gr_stencil_names[nonlocal->stencil],
-            floor(dt / limit) + 1);
-    gr_raise(error, NULL);
-    return -1;
-}
 
 static int engine_init(struct gr_object *self, PyObject *args, PyObject *kwargs)
 {
@@ -56,7 +36,7 @@ static int engine_init(struct gr_object *self, PyObject *args, PyObject *kwargs)
         self->components[f] = gr_config_uses(&e->config, f) ? gr_field_components(f, config.dim) : 0;
         self->type[f] = gr_is_double(&e->config, f) ? NPY_DOUBLE : NPY_FLOAT;
     }
-    return refuse_diffusion(e) || gr_take_device(self) ? -1 : 0;
+    return gr_refuse_diffusion(e) || gr_take_device(self) ? -1 : 0;
 }
 
 static void engine_dealloc(struct gr_object *self)
@@ -405,13 +385,7 @@ static PyObject *engine_stable_dt(struct gr_object *self, PyObject *Py_UNUSED(un
 static PyObject *engine_fluidity(struct gr_object *self, PyObject *Py_UNUSED(unused))
 {
     const struct gr_engine *e = gr_ready(self, 0);
-    if (!e) return NULL;
-    if (!e->nonlocal.fluidity) Py_RETURN_NONE;
-    const struct gr_nonlocal *nonlocal = &e->config.nonlocal;
-    return Py_BuildValue("{s:s,s:i,s:d,s:L,s:L}", "method", gr_diffusion_names[nonlocal->method], "substeps",
-                         nonlocal->substeps, "limit", gr_fluidity_limit(e->nonlocal.fluidity, nonlocal->method),
-                         "iterations", (long long)e->nonlocal.cg_iterations, "clamped",
-                         (long long)e->nonlocal.clamped_cells);
+    return e ? gr_python_fluidity(e) : NULL;
 }
 
 static PyMethodDef methods[] = {

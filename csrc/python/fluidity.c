@@ -1,5 +1,35 @@
-/* The diffusion of the fluidity as a function of the module. */
+/* The fluidity of an engine, and its diffusion as a function of the module. */
+#include <math.h>
+
 #include "python/engine_common.h"
+
+int gr_refuse_diffusion(const struct gr_engine *e)
+{
+    const struct gr_nonlocal *nonlocal = &e->config.nonlocal;
+    if (!e->nonlocal.fluidity) return 0;
+    const double dt = gr_longest_dt(&e->config), limit = gr_fluidity_limit(e->nonlocal.fluidity, nonlocal->method);
+    const struct gr_diffusion_call call = {nonlocal->method, dt / nonlocal->substeps, 1};
+    const int error = gr_fluidity_check(e->nonlocal.fluidity, &call);
+    if (!error) return 0;
+    if (error == GR_ERR_LIMIT)
+        return gr_refuse(
+            "dt = %.4g s in %d substeps of the fluidity must be below %.4g s each, the limit of method \"%s\" and "
+            "stencil \"%s\": take %.0f substeps or more, or method \"implicit\"",
+            dt, nonlocal->substeps, limit, gr_diffusion_names[nonlocal->method], gr_stencil_names[nonlocal->stencil],
+            floor(dt / limit) + 1);
+    gr_raise(error, NULL);
+    return -1;
+}
+
+PyObject *gr_python_fluidity(const struct gr_engine *e)
+{
+    if (!e->nonlocal.fluidity) Py_RETURN_NONE;
+    const struct gr_nonlocal *nonlocal = &e->config.nonlocal;
+    return Py_BuildValue("{s:s,s:i,s:d,s:L,s:L}", "method", gr_diffusion_names[nonlocal->method], "substeps",
+                         nonlocal->substeps, "limit", gr_fluidity_limit(e->nonlocal.fluidity, nonlocal->method),
+                         "iterations", (long long)e->nonlocal.cg_iterations, "clamped",
+                         (long long)e->nonlocal.clamped_cells);
+}
 
 static int refuse_numbers(const struct gr_fluidity_config *c, const struct gr_diffusion_call *call, int threads)
 {
