@@ -4,6 +4,7 @@
 #include "mpm/packing.h"
 #include "mpm/smoothed_density.h"
 #include "mpm/tally_cells.h"
+#include "mpm/thin_bodies.h"
 
 /* The part of its tile that a cell is. */
 GR_INLINE struct gr_parts part_of(int64_t cell)
@@ -23,6 +24,7 @@ static void thread_masses(const struct gr_launch *launch, int64_t i) { gr_grid_m
 
 static void thread_nodes(const struct gr_launch *launch, int64_t i)
 {
+    if (launch->e->bodies.n_thin) gr_split_nodes(launch->e, i, i + 1);
     gr_grid_nodes(launch->e, &GR_NAME, i, i + 1, launch->gravity);
 }
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "core/memory.h"
-#include "mpm/connect.h"
+#include "mpm/solid_cells.h"
 #include "mpm/pose.h"
 #include "mpm/thin_bodies.h"
 

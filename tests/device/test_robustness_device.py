@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from oracle_fluidity import available
 from same_bits import bits, fields, shown
-from scenes_by_hand import two_clouds
+from scenes_by_hand import bed_with_bodies, two_clouds
+from schemes_by_name import scheme_of
 
 import granular as gr
 
@@ -93,11 +94,41 @@ def test_also_several_materials(small_scene, dim):
         ("cylinder_collapse", {"cell": 0.1}),
         ("cylinder_collapse", {"cell": 0.05, "axisymmetric": True}),
         ("silo_fed", {"cell": 0.02, "duration": 0.3}),
+        ("rotating_drum", {"cell": 0.02, "width": 0.04}),
+        ("landslide", {"cell": 0.04}),
+        ("flexible_barrier", {"cell": 0.025}),
     ],
 )
 def test_ready_made_scenes_have_the_bits_of_a_processor(name, numbers):
-    """Runs in which points are grouped anew, among them one into which material flows."""
+    """Runs in which points are grouped anew, among them one with an inflow, and some with bodies."""
     check_bits(gr.scenes.registry[name](**numbers), 150)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "thin"),
+    [
+        (("quadratic", "tpic", "smoothed"), False),
+        (("linear", "tpic", "cell_averaged"), False),
+        (("quadratic", "xpic", "particle"), False),
+        (("quadratic", "apic", "particle"), True),
+        (("linear", "flip", "particle"), True),
+    ],
+)
+def test_bodies_have_the_bits_of_a_processor(scheme, thin, dim):
+    """A bucket that turns, a free box and a disc that sticks, with their forces and patches."""
+    scene = bed_with_bodies(dim, thin).replace(scheme=scheme_of(*scheme))
+    check_bits(scene, 1, 79, wall_forces=True, tractions=True)
+
+
+def test_also_with_single_precision_and_two_sides(dim):
+    scheme = scheme_of("quadratic", "apic", "particle", precision="single")
+    check_bits(bed_with_bodies(dim, thin=True).replace(scheme=scheme), 80)
+
+
+@pytest.mark.parametrize("name", ["tumbling_block", "rolling_wheel", "conveyor"])
+def test_also_where_bodies_touch_each_other(name):
+    """Free bodies that meet solid ones, and one from which material falls on another."""
+    check_bits(gr.scenes.registry[name](cell=0.02), 150, wall_forces=True)
 
 
 def test_the_impulses_on_walls_and_their_patches_are_those_of_a_processor(small_scene):
@@ -112,9 +143,10 @@ def test_thousands_of_points_change_cells_in_a_step(dim):
     check_bits(two_clouds(dim, *numbers), 40)
 
 
-def test_a_record_goes_on_with_a_device_and_back(tmp_path):
+@pytest.mark.parametrize("bodies", [False, True])
+def test_a_record_goes_on_with_a_device_and_back(bodies, tmp_path):
     """Without a device, a run goes on with what is fastest on the machine, and the same bits."""
-    scene = gr.scenes.column_collapse(cell=0.05)
+    scene = bed_with_bodies(2, thin=True) if bodies else gr.scenes.column_collapse(cell=0.05)
     fastest = gr._core.build_info()["isa"]
     alone, sim = (gr.Simulation(scene, threads=1, isa=FUSING[-1]) for _ in range(2))
     alone.step(120)
@@ -148,7 +180,6 @@ def small():
 @pytest.mark.parametrize(
     ("scene", "what"),
     [
-        (lambda: gr.scenes.penetration(cell=0.04), "bodies"),
         (lambda: gr.scenes.chute_ngf(columns=2), "nonlocal laws"),
         (lambda: small().replace(scheme=gr.Scheme(sleep_speed=0.02)), "sleep_speed"),
         (lambda: gr.scenes.incline_sph(height=0.05), "processors alone compute SPH"),

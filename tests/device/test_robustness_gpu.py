@@ -37,6 +37,7 @@ BEGIN = """
     import granular as gr
     from granular.run import machine
     from same_bits import bits
+    from scenes_by_hand import bed_with_bodies
     from schemes_by_name import scheme_of
 
     machine._kernels = lambda: (b"// .version 8.0", b"// .version 8.0")
@@ -80,10 +81,11 @@ def said(driver, script, **faults):
 
 @pytest.mark.slow
 def test_a_gpu_has_the_bits_of_a_processor(driver):
-    """Both precisions, planes and rings, cell averages, XPIC, an inflow, and a restart."""
+    """Both precisions, planes and rings, cell averages, XPIC, an inflow, bodies, and a restart."""
     script = """
         def check(name, numbers, steps=80, **scheme):
-            scene = gr.scenes.registry[name](**numbers)
+            made = bed_with_bodies if name == "bodies" else gr.scenes.registry[name]
+            scene = made(**numbers)
             scene = scene.replace(scheme=scene.scheme.replace(**scheme))
             one = gr.Simulation(scene, threads=1, isa="one_lane")
             gpu = gr.Simulation(scene, device="gpu")
@@ -104,9 +106,13 @@ def test_a_gpu_has_the_bits_of_a_processor(driver):
         xpic = scheme_of("quadratic", "xpic", "particle")
         check("column_collapse", {"cell": 0.05, "scheme": xpic})
         check("silo_fed", {"cell": 0.02, "duration": 0.3})
+        check("bodies", {"dim": 2, "thin": True})
+        check("bodies", {"dim": 2, "thin": True}, precision="single", transfer="apic")
+        check("bodies", {"dim": 2})
+        check("bodies", {"dim": 2}, **averaged.arguments())
     """
     lines = said(driver, script).splitlines()
-    assert len(lines) == 8
+    assert len(lines) == 12
     assert all(line.endswith("True") for line in lines), lines
 
 

@@ -37,6 +37,58 @@ def two_clouds(dim, cells, wide, points_per_axis):
     )
 
 
+def bed_with_bodies(dim, thin=False):
+    """A bed with a rotating bucket, a free box and a disc that moves back and forth."""
+    up, turning = dim - 1, 3.0 if dim == 2 else (0.0, -3.0, 0.0)
+    shape, middle = ((16, 12), ()) if dim == 2 else ((8, 4, 6), (0.2,))
+    cell = 0.8 / shape[0]
+    edges = (2 * cell,) * (dim - 2)
+    # thin: sides separated by duplicate nodes; thick: separated by the nodes alone
+    thickness = 0.05 if thin else 2 * cell
+    bucket = gr.Union(
+        (
+            gr.Box(size=(0.2, *edges, thickness)),
+            gr.Box(size=(thickness, *edges, 0.2), center=(0.1,) * dim),
+        )
+    )
+    roller = gr.Cylinder(0.06, center=(0.0,) * dim, axis=None if dim == 2 else (0, 1, 0))
+    rest = (0.0,) * dim
+    bodies = (
+        gr.Body(
+            bucket,
+            (0.2, *middle, 0.3),
+            motion=gr.Motion(velocity=(rest,), angular_velocity=(turning,)),
+            contact="sticky",
+        ),
+        gr.Body(
+            gr.Box(size=(max(0.15, 2 * cell), *edges, 2 * cell)),
+            (0.5, *middle, 0.45),
+            free="xy" if dim == 2 else "xyz",
+            mass=3.0,
+            friction=0.3,
+        ),
+        gr.Body(
+            roller,
+            (0.6, *middle, 0.2),
+            motion=gr.Motion(
+                times=(0.0, 0.02, 0.05),
+                velocity=((0.5, *rest[1:]), (-1.0, *rest[1:]), (0.2, *rest[1:])),
+            ),
+            contact="bilateral",
+            friction=0.2,
+        ),
+    )
+    size = tuple(cell * n for n in shape)
+    return scene_with(
+        grid=gr.Grid((0.0,) * dim, cell, shape),
+        fills=(gr.Fill(gr.Box((0.0,) * dim, (*size[:-1], 0.4)), 2**dim, jitter=1.0),),
+        scheme=gr.Scheme(density=gr.ParticleDensity()) if thin else gr.Scheme(),
+        walls=(gr.Wall(up, 0.0, kind="no_slip"),),
+        bodies=bodies,
+        seed=2,
+    )
+
+
 def mass(scene):
     """Mass of all points of a scene at the start [kg]."""
     points = scene.points()

@@ -6,6 +6,7 @@
 #define M_SQRT2 1.41421356237309504880
 #define M_SQRT1_2 0.70710678118654752440
 #define fabs __builtin_fabs
+#define rint __builtin_rint
 #define sqrt __builtin_sqrt
 #define isfinite(x) __builtin_isfinite(x)
 
