@@ -140,7 +140,7 @@ int gr_list_near_bodies(struct gr_engine *e)
     int moved = !contacts->listed;
     for (int b = 0; b < e->config.n_bodies && !moved; b++)
         moved = gr_body_moved(e, b, &contacts->pose[b]) > FOLLOW * e->config.dx;
-    if (!moved) return GR_OK;
+    if (!moved) return e->migration.tiles_grown ? reserve_contacts(e) : GR_OK; /* whose cells may have more points now */
     if (reserve_list(e)) return GR_ERR_MEMORY;
     for (int b = 0; b < e->config.n_bodies; b++) {
         memcpy(contacts->pose[b].x, e->bodies.now[b].x, sizeof contacts->pose[b].x);
