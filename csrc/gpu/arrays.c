@@ -2,6 +2,7 @@
 #include "gpu/blocks.h"
 #include "mpm/device.h"
 #include "mpm/open_volume.h"
+#include "mpm/sleep.h"
 #include "mpm/wall_impulse.h"
 
 /* An array, and its name in messages. */
@@ -27,10 +28,10 @@ static const char *foreign_of(const struct named *arrays, size_t n)
 static const char *foreign_of_bodies(const struct gr_engine *e)
 {
     const struct gr_open_volume *open = e->bodies.open;
-    const struct named arrays[] = {GR_NAMED(config.bodies), GR_NAMED(config.parts),   GR_NAMED(bodies.now),
-                                   GR_NAMED(bodies.split),  GR_NAMED(bodies.thin),    GR_NAMED(bodies.open),
-                                   GR_NAMED(mesh.other),    GR_NAMED(mesh.duplicate), GR_NAMED(mesh.separable),
-                                   GR_NAMED(mesh.separated)};
+    const struct named arrays[] = {GR_NAMED(config.bodies),    GR_NAMED(config.parts),  GR_NAMED(bodies.now),
+                                   GR_NAMED(bodies.split),     GR_NAMED(bodies.thin),   GR_NAMED(bodies.open),
+                                   GR_NAMED(bodies.near.cell), GR_NAMED(mesh.other),    GR_NAMED(mesh.duplicate),
+                                   GR_NAMED(mesh.separable),   GR_NAMED(mesh.separated)};
     const char *name = foreign_of(arrays, sizeof arrays / sizeof *arrays);
     if (name || !open) return name;
     const void *const of_open[] = {open->place.block_of,   open->place.value,   open->slope,
@@ -77,6 +78,7 @@ const char *gr_foreign_array(const struct gr_engine *e)
                                    GR_NAMED(migration.leaving),
                                    GR_NAMED(config.walls),
                                    GR_NAMED(config.cell_flags.value),
+                                   GR_NAMED(sleep),
                                    GR_NAMED(watch),
                                    GR_NAMED(tally.cell),
                                    GR_NAMED(device),
@@ -97,5 +99,9 @@ const char *gr_foreign_array(const struct gr_engine *e)
     }
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         if (e->points.field[f] && !gr_in_block(e->points.field[f])) return gr_field_table[f].name;
+    const void *const of_sleep[] = {e->sleep ? e->sleep->use : NULL, e->sleep ? e->sleep->restless : NULL,
+                                    e->sleep ? e->sleep->tile_rests : NULL};
+    for (size_t k = 0; k < 3; k++)
+        if (of_sleep[k] && !gr_in_block(of_sleep[k])) return "sleep";
     return e->watch && e->watch->node && !gr_in_block(e->watch->node) ? "watch->node" : NULL;
 }

@@ -2,6 +2,7 @@
 #include "mpm/device.h"
 #include "mpm/grid.h"
 #include "mpm/packing.h"
+#include "mpm/sleep_cells.h"
 #include "mpm/smoothed_density.h"
 #include "mpm/tally_cells.h"
 #include "mpm/thin_bodies.h"
@@ -47,12 +48,14 @@ static void thread_narrow(const struct gr_launch *launch, int64_t i) { narrow_no
 #else
 static void thread_cell_forces(const struct gr_launch *launch, int64_t i)
 {
-    forces_of_tile(launch->e, i / GR_LANES, part_of(i));
+    if (!gr_tile_rests(launch->e, i / GR_LANES)) forces_of_tile(launch->e, i / GR_LANES, part_of(i));
 }
 
 static void thread_smooth(const struct gr_launch *launch, int64_t i) { smooth_of_tile(launch->e, i / GR_LANES, part_of(i)); }
 #define thread_narrow NULL
 #endif
+
+static int is_asleep(const struct gr_engine *e, int64_t cell) { return e->sleep && e->mesh.cell[cell].calm == GR_ASLEEP; }
 
 /* G2P and the law for the points of a cell; those that leave it are noted. */
 GR_INLINE void sweep_cell(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
@@ -62,6 +65,10 @@ GR_INLINE void sweep_cell(const int dim, const int basis, const int affine, cons
     const struct gr_parts part = part_of(index);
     struct batch batch;
     batch.n = 0;
+    e->device->leaving[index] = 0;
+    if (gr_tile_rests(e, tile)) return;
+    if (is_asleep(e, index)) wake_cells(dim, basis, e, index);
+    if (is_asleep(e, index)) return;
     e->device->leaving[index] =
         (int32_t)(smoothed && gr_averages(e, e->clock.step)
                       ? g2p_tile(dim, basis, affine, smoothed, cell_averaged, smoothed, e, tile, part, &batch, NULL)
@@ -145,7 +152,7 @@ static void pack_cell(struct gr_engine *e, int64_t index)
 static void thread_pack(const struct gr_launch *launch, int64_t i)
 {
     if (launch->e->device->leaving[i]) pack_cell(launch->e, i);
-    thread_p2g(launch, i);
+    if (!is_asleep(launch->e, i)) thread_p2g(launch, i);
 }
 
 /* Add a migrant to those that come to its new cell, in any order. */
@@ -196,6 +203,50 @@ static void thread_fastest(const struct gr_launch *launch, int64_t i)
             if (square > largest) largest = square;
         }
     e->device->fastest[i] = largest;
+}
+
+/* ---- Material that sleeps ---- */
+
+static void thread_check(const struct gr_launch *launch, int64_t i)
+{
+    add_count(&launch->e->device->counts.cells, gr_count_checks(launch->e, i));
+}
+
+static void thread_calm(const struct gr_launch *launch, int64_t i) { launch->e->sleep->restless[i] = 0; }
+
+static void thread_restless(const struct gr_launch *launch, int64_t i) { gr_note_restless(launch->e, i); }
+
+/* Let a cell fall asleep. Its sums do not change after they are made once more. */
+static void thread_fall(const struct gr_launch *launch, int64_t i)
+{
+    if (!gr_fall_asleep(launch->e, i)) return;
+    add_count(&launch->e->device->counts.cells, 1);
+    if (launch->e->mesh.cell[i].count) thread_p2g(launch, i);
+}
+
+static void thread_unuse(const struct gr_launch *launch, int64_t i) { launch->e->sleep->use[i] = GR_NODE_UNUSED; }
+
+static void thread_use(const struct gr_launch *launch, int64_t i)
+{
+    if (!is_asleep(launch->e, i)) gr_use_nodes(launch->e, i);
+}
+
+static void thread_use_near(const struct gr_launch *launch, int64_t i)
+{
+    gr_use_nodes(launch->e, launch->e->bodies.near.cell[i]);
+}
+
+static void thread_watch(const struct gr_launch *launch, int64_t i) { gr_watch_nodes(launch->e, i); }
+
+static void thread_rest(const struct gr_launch *launch, int64_t i)
+{
+    gr_find_resting(launch->e, i);
+    add_count(&launch->e->sleep->asleep, __builtin_popcount(gr_lanes_asleep(launch->e, i)));
+}
+
+static void thread_wake(const struct gr_launch *launch, int64_t i)
+{
+    if (is_asleep(launch->e, i)) launch->e->mesh.cell[i].calm = 0;
 }
 
 static gr_thread *const threads[GR_STAGE_COUNT] = {

@@ -10,7 +10,7 @@
 #include "core/team.h"
 #include "mpm/engine.h"
 
-/* X(stage, one of what its threads are): the stages of a step. */
+/* X(stage, one of what its threads are): the stages of a step; from `check` on those of material that sleeps (sleep.h). */
 #define GR_DEVICE_STAGES(X)   \
     X(p2g, cell)              \
     X(p2g_dirty, cell)        \
@@ -30,7 +30,17 @@
     X(post, migrant)          \
     X(arrive, cell)           \
     X(tally, cell)            \
-    X(fastest, group)
+    X(fastest, group)         \
+    X(check, cell)            \
+    X(calm, node)             \
+    X(restless, cell)         \
+    X(fall, cell)             \
+    X(unuse, node)            \
+    X(use, cell)              \
+    X(use_near, near_cell)    \
+    X(watch, cell)            \
+    X(rest, tile)             \
+    X(wake, cell)
 
 #define GR_X(stage, unit) GR_STAGE_##stage,
 enum gr_device_stage { GR_DEVICE_STAGES(GR_X) GR_STAGE_COUNT };
@@ -48,9 +58,10 @@ typedef void gr_thread(const struct gr_launch *launch, int64_t i);
 
 enum { GR_GROUP = 64 }; /* cells, or groups of them, whose sums one thread makes */
 
-/* What a step finds out about the points that leave their cells. */
+/* What a step finds out about the points that leave their cells; and of how many cells a stage of sleep says yes. */
 struct gr_device_counts {
     int64_t leaving, invalid, outside, homeless, full; /* `full`: cells that could not take a point */
+    int64_t cells;
 };
 
 struct gr_device;

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from oracle_fluidity import available
 from same_bits import bits, fields, shown
-from scenes_by_hand import bed_with_bodies, two_clouds
+from scenes_by_hand import bed_with_bodies, sleeping_bed, two_clouds
 from schemes_by_name import scheme_of
 
 import granular as gr
@@ -131,6 +131,35 @@ def test_also_where_bodies_touch_each_other(name):
     check_bits(gr.scenes.registry[name](cell=0.02), 150, wall_forces=True)
 
 
+@pytest.mark.parametrize(
+    ("scheme", "plate"),
+    [
+        (("quadratic", "tpic", "smoothed"), False),
+        (("linear", "tpic", "cell_averaged"), False),
+        (("quadratic", "tpic", "particle"), True),
+    ],
+)
+def test_material_sleeps_and_wakes_as_on_a_processor(scheme, plate):
+    """A bed falls asleep until a block strikes it, or a thin plate that is pushed into it."""
+    motion = gr.Motion(times=(0.18, 0.2), velocity=((0.0, 0.0), (0.0, -0.5)))
+    pushed = gr.Body(gr.Box(size=(0.1, 0.04)), position=(0.24, 0.145), motion=motion, friction=0.3)
+    more = {"height": 0.0, "bodies": [pushed]} if plate else {"height": 0.45, "top": 0.6}
+    sims, still = both(sleeping_bed(scheme, **more), wall_forces=True), []
+    for n in (540, 220, 100):
+        for sim in sims:
+            sim.step(n)
+        assert bits(sims[1]) == bits(sims[0])
+        still.append((sims[0].state.v == 0).all(axis=1).mean())
+    assert sims[1]._engine.foreign_array() is None
+    assert still[0] > 0.5 > still[2]
+
+
+def test_gravity_that_leans_wakes_a_bed_on_a_device():
+    gravity = gr.Gravity(times=(0.0, 0.2, 0.25), vectors=((0.0, -9.8), (0.0, -9.8), (4.0, -9.8)))
+    bed = sleeping_bed(("quadratic", "tpic", "smoothed"), height=0.0, gravity=gravity)
+    check_bits(bed, 560, 200)
+
+
 def test_the_impulses_on_walls_and_their_patches_are_those_of_a_processor(small_scene):
     scene = small_scene("outlet", 2, ("quadratic", "tpic", "smoothed"), E=1e5)
     check_bits(scene, 100, wall_forces=True, tractions=True)
@@ -181,7 +210,6 @@ def small():
     ("scene", "what"),
     [
         (lambda: gr.scenes.chute_ngf(columns=2), "nonlocal laws"),
-        (lambda: small().replace(scheme=gr.Scheme(sleep_speed=0.02)), "sleep_speed"),
         (lambda: gr.scenes.incline_sph(height=0.05), "processors alone compute SPH"),
     ],
 )

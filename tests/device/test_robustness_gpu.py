@@ -37,7 +37,7 @@ BEGIN = """
     import granular as gr
     from granular.run import machine
     from same_bits import bits
-    from scenes_by_hand import bed_with_bodies
+    from scenes_by_hand import bed_with_bodies, sleeping_bed
     from schemes_by_name import scheme_of
 
     machine._kernels = lambda: (b"// .version 8.0", b"// .version 8.0")
@@ -81,11 +81,11 @@ def said(driver, script, **faults):
 
 @pytest.mark.slow
 def test_a_gpu_has_the_bits_of_a_processor(driver):
-    """Both precisions, planes and rings, cell averages, XPIC, an inflow, bodies, and a restart."""
+    """Both precisions, planes and rings, cell averages, XPIC, an inflow, bodies, sleep, and restarts."""
     script = """
         def check(name, numbers, steps=80, **scheme):
-            made = bed_with_bodies if name == "bodies" else gr.scenes.registry[name]
-            scene = made(**numbers)
+            by_hand = {"bodies": bed_with_bodies, "sleep": sleeping_bed}
+            scene = (by_hand.get(name) or gr.scenes.registry[name])(**numbers)
             scene = scene.replace(scheme=scene.scheme.replace(**scheme))
             one = gr.Simulation(scene, threads=1, isa="one_lane")
             gpu = gr.Simulation(scene, device="gpu")
@@ -110,9 +110,11 @@ def test_a_gpu_has_the_bits_of_a_processor(driver):
         check("bodies", {"dim": 2, "thin": True}, precision="single", transfer="apic")
         check("bodies", {"dim": 2})
         check("bodies", {"dim": 2}, **averaged.arguments())
+        smoothed = ("quadratic", "tpic", "smoothed")
+        check("sleep", {"combination": smoothed, "height": 0.45, "top": 0.6}, 760)
     """
     lines = said(driver, script).splitlines()
-    assert len(lines) == 12
+    assert len(lines) == 13
     assert all(line.endswith("True") for line in lines), lines
 
 

@@ -1,6 +1,7 @@
 """Scenes for tests, which name only what matters to the test."""
 
 import numpy as np
+from schemes_by_name import scheme_of
 
 import granular as gr
 
@@ -86,6 +87,32 @@ def bed_with_bodies(dim, thin=False):
         walls=(gr.Wall(up, 0.0, kind="no_slip"),),
         bodies=bodies,
         seed=2,
+    )
+
+
+def sleeping_bed(combination, sleep_speed=2e-3, *, dim=2, height=0.3, top=0.5, **more):
+    """A bed in equilibrium between smooth sides, and a block that falls on it; height 0: none."""
+    cell, width, depth, thick = 0.02, 0.48, 0.12, 0.06
+    across = () if dim == 2 else (thick,)
+    fills = [
+        gr.Fill(
+            gr.Box((0.0,) * dim, (width, *across, depth)),
+            points_per_cell=4 if dim == 2 else 8,
+            lithostatic=True,
+        )
+    ]
+    if height:
+        block = gr.Box((0.2, *[0.0] * (dim - 2), height), (0.28, *across, height + 0.08))
+        fills.append(gr.Fill(block, points_per_cell=4 if dim == 2 else 8))
+    sides = [gr.Wall(0, at, kind="free_slip") for at in (0.0, width)]
+    sides += [gr.Wall(1, at, kind="free_slip") for at in ((0.0, thick) if dim == 3 else ())]
+    return scene_with(
+        grid=gr.Grid((0.0,) * dim, cell, tuple(round(a / cell) for a in (width, *across, top))),
+        fills=fills,
+        walls=[*sides, gr.Wall(dim - 1, 0.0, kind="no_slip")],
+        material=gr.materials.glass_beads.replace(E=1e6),
+        scheme=scheme_of(*combination).replace(sleep_speed=sleep_speed),
+        **more,
     )
 
 
