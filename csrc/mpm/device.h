@@ -58,7 +58,7 @@ typedef void gr_thread(const struct gr_launch *launch, int64_t i);
 
 enum { GR_GROUP = 64 }; /* cells, or groups of them, whose sums one thread makes */
 
-/* What a step finds out about the points that leave their cells; and of how many cells a stage of sleep says yes. */
+/* What a step finds out about the points that leave their cells; and the number of cells that a stage of sleep counts. */
 struct gr_device_counts {
     int64_t leaving, invalid, outside, homeless, full; /* `full`: cells that could not take a point */
     int64_t cells;

@@ -66,7 +66,7 @@ void gr_sleep_wake_all(struct gr_engine *e)
     if (!e->sleep->asleep) return;
     e->sleep->asleep = 0;
     e->sleep->changed = 1;
-    if (e->device) {
+    if (e->device && e->device->team) { /* else no steps are made, but a body is driven from outside */
         run_stage(e, GR_STAGE_wake, e->mesh.n_cells);
         return;
     }

@@ -117,7 +117,11 @@ def test_ready_made_scenes_have_the_bits_of_a_processor(name, numbers):
 def test_bodies_have_the_bits_of_a_processor(scheme, thin, dim):
     """A bucket that turns, a free box and a disc that sticks, with their forces and patches."""
     scene = bed_with_bodies(dim, thin).replace(scheme=scheme_of(*scheme))
-    check_bits(scene, 1, 79, wall_forces=True, tractions=True)
+    sims = check_bits(scene, 1, 79, wall_forces=True, tractions=True)
+    for sim in sims:
+        sim.apply_load(1, force=(5.0,) * dim)
+        sim.step(5)
+    assert bits(sims[1]) == bits(sims[0])
 
 
 def test_also_with_single_precision_and_two_sides(dim):
@@ -152,6 +156,20 @@ def test_material_sleeps_and_wakes_as_on_a_processor(scheme, plate):
         still.append((sims[0].state.v == 0).all(axis=1).mean())
     assert sims[1]._engine.foreign_array() is None
     assert still[0] > 0.5 > still[2]
+
+
+def test_a_body_that_is_driven_from_outside_wakes_a_bed():
+    """Between steps, when the threads of a device are not at hand."""
+    plate = gr.Body(gr.Box(size=(0.1, 0.06)), position=(0.24, 0.155))
+    bed = sleeping_bed(("quadratic", "tpic", "smoothed"), height=0.0, bodies=[plate])
+    sims, still = both(bed), []
+    for n, velocity in ((560, (0.0, 0.0)), (20, (0.0, -0.3)), (60, (0.1, 0.2))):
+        for sim in sims:
+            sim.set_motion(0, velocity=velocity)
+            sim.step(n)
+        assert bits(sims[1]) == bits(sims[0])
+        still.append((sims[0].state.v == 0).all(axis=1).mean())
+    assert still[0] > 0.5 > still[1]
 
 
 def test_gravity_that_leans_wakes_a_bed_on_a_device():
