@@ -151,7 +151,7 @@ static void receive(struct gr_run *run, unsigned parts)
     if (run->e->ranks && !run->e->failure.code) run->e->failure.code = gr_ghosts_exchange(run->e, parts, run->team);
 }
 
-/* Let material and bodies touch: contact is computed by processors, as its points are few beside those of a scene. */
+/* Let material and bodies touch: contact is computed by processors, as it has few points of those of a scene. */
 static void touch_bodies(struct gr_run *run)
 {
     struct gr_engine *e = run->e;

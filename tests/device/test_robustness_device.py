@@ -100,7 +100,7 @@ def test_also_several_materials(small_scene, dim):
     ],
 )
 def test_ready_made_scenes_have_the_bits_of_a_processor(name, numbers):
-    """Runs in which points are grouped anew, among them one with an inflow, and some with bodies."""
+    """Runs in which points are grouped anew; one has an inflow, and some have bodies."""
     check_bits(gr.scenes.registry[name](**numbers), 150)
 
 

@@ -81,7 +81,7 @@ def said(driver, script, **faults):
 
 @pytest.mark.slow
 def test_a_gpu_has_the_bits_of_a_processor(driver):
-    """Both precisions, planes and rings, cell averages, XPIC, an inflow, bodies, sleep, and restarts."""
+    """Both precisions, planes and rings, averages, XPIC, an inflow, bodies, sleep, restarts."""
     script = """
         def check(name, numbers, steps=80, **scheme):
             by_hand = {"bodies": bed_with_bodies, "sleep": sleeping_bed}

@@ -105,7 +105,8 @@ def test_a_plate_that_is_pushed_into_a_bed_wakes_it():
         plate = gr.Body(
             gr.shapes.Box(size=(0.1, 0.04)), position=(0.24, 0.145), motion=motion, friction=0.3
         )
-        sim = gr.Simulation(sleeping_bed(COMBINATIONS[2], speed, height=0, bodies=[plate]), threads=1)
+        scene = sleeping_bed(COMBINATIONS[2], speed, height=0, bodies=[plate])
+        sim = gr.Simulation(scene, threads=1)
         sim.run(until=0.4, monitor=False)
         assert (asleep(sim) > 0.5) == (speed > 0)  # but not the cells about the thin plate
         sim.run(until=0.9, monitor=False)
