@@ -12,27 +12,11 @@
 #include "fluidity/links.c"
 #include "mpm/grid.c"
 #include "mpm/packing.c"
+#include "mpm/sides.c"
 #include "mpm/smoothed_density.c"
+#include "mpm/solid_cells.c"
 #include "mpm/tally_cells.c"
 
-/* What devices are refused for (gr_device_lacks): no thread comes here. */
-int gr_point_side(const struct gr_engine *e, const double x[3], int current)
-{
-    (void)e, (void)x, (void)current;
-    __builtin_trap();
-}
-
-double gr_node_volume(const struct gr_engine *e, int64_t id)
-{
-    (void)e, (void)id;
-    __builtin_trap();
-}
-
-double nextafter(double x, double y)
-{
-    (void)x, (void)y;
-    __builtin_trap();
-}
 #endif
 
 #ifdef GR_SINGLE

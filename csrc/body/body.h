@@ -91,7 +91,14 @@ struct gr_body_state {
 enum { GR_BODY_NUMBERS = sizeof(struct gr_body_state) / sizeof(double) };
 
 /* Row-major rotation matrix of a unit quaternion; its columns are the axes of the body. */
-void gr_rotation_matrix(const double orientation[4], double matrix[9]);
+static inline void gr_rotation_matrix(const double orientation[4], double matrix[9])
+{
+    const double *o = orientation, w = o[0], x = o[1], y = o[2], z = o[3];
+    const double m[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
+                         2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+                         2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
+    for (int k = 0; k < 9; k++) matrix[k] = m[k];
+}
 
 /* Signed distance of x from the surface of one shape, negative in the solid, and the outward normal, its gradient. If
  * several surface points are nearest, the normal is along the first axis. All in body coordinates. */

@@ -8,15 +8,6 @@
 
 static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-void gr_rotation_matrix(const double o[4], double matrix[9])
-{
-    const double w = o[0], x = o[1], y = o[2], z = o[3];
-    const double m[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
-                         2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-                         2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
-    memcpy(matrix, m, sizeof m);
-}
-
 void gr_motion_at(const struct gr_body *body, double t, double out[6])
 {
     gr_piecewise(6, body->n_motion, body->motion, 7, body->motion + 1, 7, t, out);

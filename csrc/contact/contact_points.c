@@ -6,6 +6,7 @@
 #include "contact/edges.h"
 #include "contact/moment_arm.h"
 #include "contact/moving.h"
+#include "contact/near_bodies.h"
 #include "contact/node_weights.h"
 #include "core/memory.h"
 #include "mpm/migrate.h"
@@ -14,11 +15,6 @@
 #include "mpm/sleep.h"
 #include "mpm/thin_bodies.h"
 #include "mpm/walls.h"
-
-/* Distances in cells: a point has its contact point nearer than this, at Courant numbers up to 1/2; bodies may move so
- * far before the cells near them are listed again. */
-#define REACH 1.5
-#define FOLLOW 0.5
 
 /* Distances between samples are linear, so that they may change by a little more than the position does: by less than
  * this, in cells, in half of a cell. */
@@ -85,74 +81,6 @@ static double distance_on_side(const struct gr_engine *e, const struct gr_cell *
     if (side.body != b || !side.facing) return phi;
     for (int d = 0; d < 3; d++) normal[d] = cell->side * side.normal[d];
     return cell->side * side.mid - side.half;
-}
-
-static int reserve(struct gr_engine *e)
-{
-    struct gr_contact_points *contacts = e->bodies.contacts;
-    const struct gr_near_bodies *near = &e->bodies.near;
-    int64_t most = 0;
-    for (int64_t k = 0; k < near->n; k++) {
-        contacts->begin[k] = most;
-        most += (int64_t)e->mesh.cell[near->cell[k]].capacity * __builtin_popcountll(near->bodies[k]);
-    }
-    if (most > contacts->capacity) {
-        contacts->capacity = 0;
-        GR_RESIZE(contacts->contact, most + most / 2);
-        contacts->capacity = most + most / 2;
-    }
-    if (e->mesh.n_nodes > contacts->node_capacity) {
-        const int64_t n = e->mesh.node_capacity;
-        contacts->node_capacity = 0;
-        GR_RESIZE(contacts->node, n);
-        GR_RESIZE(contacts->origin, n);
-        GR_RESIZE(contacts->number, n);
-        memset(contacts->number, 0, sizeof *contacts->number * (size_t)n);
-        contacts->node_capacity = n;
-    }
-    return GR_OK;
-}
-
-int gr_list_near_bodies(struct gr_engine *e)
-{
-    struct gr_contact_points *contacts = e->bodies.contacts;
-    struct gr_near_bodies *near = &e->bodies.near;
-    const double dx = e->config.dx, reach = (REACH + FOLLOW + 0.5 * sqrt(e->config.dim)) * dx;
-    struct gr_pose pose[GR_MAX_BODIES];
-    int moved = !contacts->listed;
-    for (int b = 0; b < e->config.n_bodies && !moved; b++) moved = gr_body_moved(e, b, &contacts->pose[b]) > FOLLOW * dx;
-    if (!moved) return GR_OK;
-    if (e->mesh.n_cells > near->capacity) {
-        near->capacity = 0;
-        GR_RESIZE(near->cell, e->mesh.cell_capacity);
-        GR_RESIZE(near->bodies, e->mesh.cell_capacity);
-        GR_RESIZE(near->clearance, e->mesh.cell_capacity);
-        GR_RESIZE(contacts->begin, e->mesh.cell_capacity);
-        near->capacity = e->mesh.cell_capacity;
-    }
-    for (int b = 0; b < e->config.n_bodies; b++) {
-        memcpy(contacts->pose[b].x, e->bodies.now[b].x, sizeof contacts->pose[b].x);
-        memcpy(contacts->pose[b].orientation, e->bodies.now[b].orientation, sizeof contacts->pose[b].orientation);
-        gr_pose_at(e, b, e->bodies.now[b].x, e->bodies.now[b].orientation, &pose[b]);
-    }
-    near->n = 0;
-    for (int64_t c = 0; c < e->mesh.n_cells; c++) {
-        uint64_t bodies = 0;
-        double x[3], arm[3], normal[3], least = INFINITY;
-        gr_cell_position(e, e->mesh.cell[c].at, x);
-        for (int b = 0; b < e->config.n_bodies; b++) {
-            const double phi = gr_pose_distance(e, &pose[b], x, arm, normal);
-            if (phi < reach) bodies |= (uint64_t)1 << b;
-            least = fmin(least, phi);
-        }
-        if (!bodies) continue;
-        near->cell[near->n] = c;
-        near->clearance[near->n] = least;
-        near->bodies[near->n++] = bodies;
-    }
-    contacts->listed = 1;
-    if (e->sleep) e->sleep->changed = 1;
-    return reserve(e);
 }
 
 /* Distance by which the surface of a body has moved at most since the cells were listed. */
@@ -234,7 +162,7 @@ static int find_contact(const struct gr_engine *e, const struct gr_cell *cell, i
     double x[3] = {0}, at[3], into = 0;
     for (int d = 0; d < dim; d++) x[d] = gr_x(e, d)[slot];
     const double phi = distance_on_side(e, cell, b, pose, x, contact->arm, contact->normal);
-    if (phi > REACH * e->config.dx) return 0;
+    if (phi > GR_CONTACT_REACH * e->config.dx) return 0;
     if (phi < -DEEP * e->config.dx) return 0;
     if (separating && !(phi < r)) {
         const double *w = e->bodies.now[b].omega, *arm = contact->arm;

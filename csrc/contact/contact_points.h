@@ -25,11 +25,6 @@
 int gr_contact_points_new(struct gr_engine *e);
 void gr_contact_points_free(struct gr_contact_points *contacts);
 
-/* List the cells near bodies, unless the list still holds: the mesh is the same and no body has moved far. It does not
- * bear on the results.
- * Returned: 0 or GR_ERR_MEMORY. */
-int gr_list_near_bodies(struct gr_engine *e);
-
 /* Find the contact points of this step, by all threads of a team. Call it after the grid stage. The impulses start from the
  * last step, which the points have stored as forces: of a point with several contact points, each has the part of the force
  * along its normal. */

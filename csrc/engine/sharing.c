@@ -1,7 +1,7 @@
 /* How the work of a step is shared out (sharing.h). */
 #include "engine/sharing.h"
 
-#include "contact/contact_points.h"
+#include "contact/near_bodies.h"
 #include "core/memory.h"
 #include "mpm/device.h"
 #include "mpm/inflow.h"

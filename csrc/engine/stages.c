@@ -160,6 +160,14 @@ static void receive(struct gr_run *run, unsigned parts)
     if (run->e->ranks && !run->e->failure.code) run->e->failure.code = gr_ghosts_exchange(run->e, parts, run->team);
 }
 
+/* Let material and bodies touch: contact is computed by processors, as it has few points of those of a scene. */
+static void touch_bodies(struct gr_run *run)
+{
+    struct gr_engine *e = run->e;
+    if (e->device && gr_device_wait(e)) return;
+    e->failure.code = gr_bodies_touch(e, run->kernels, run->gravity, run->team);
+}
+
 void gr_stage_grid(struct gr_run *run)
 {
     struct gr_engine *e = run->e;
@@ -177,7 +185,7 @@ void gr_stage_grid(struct gr_run *run)
         receive(run, GR_GHOST_FORCE | GR_GHOST_AVERAGES);
     }
     GR_ALL_NODES(run, nodes);
-    if (e->config.n_bodies) e->failure.code = gr_bodies_touch(e, run->kernels, run->gravity, run->team);
+    if (e->config.n_bodies) touch_bodies(run);
     if (e->failure.code) {
         e->sums.valid = 0;
         return;

@@ -5,6 +5,7 @@
 
 #include "contact/body_patches.h"
 #include "contact/contact_points.h"
+#include "contact/near_bodies.h"
 #include "core/piecewise.h"
 #include "engine/sharing.h"
 #include "engine/stable_dt.h"

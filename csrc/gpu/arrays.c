@@ -1,6 +1,8 @@
 /* The arrays that the threads of a device read or write (mpm/device.h). */
 #include "gpu/blocks.h"
 #include "mpm/device.h"
+#include "mpm/open_volume.h"
+#include "mpm/sleep.h"
 #include "mpm/wall_impulse.h"
 
 /* An array, and its name in messages. */
@@ -13,6 +15,31 @@ struct named {
     {                      \
         e->member, #member \
     }
+
+/* The name of one of n arrays that is not of the memory of a device; NULL if all are. */
+static const char *foreign_of(const struct named *arrays, size_t n)
+{
+    for (size_t k = 0; k < n; k++)
+        if (arrays[k].array && !gr_in_block(arrays[k].array)) return arrays[k].name;
+    return NULL;
+}
+
+/* The same for the arrays of bodies. */
+static const char *foreign_of_bodies(const struct gr_engine *e)
+{
+    const struct gr_open_volume *open = e->bodies.open;
+    const struct named arrays[] = {GR_NAMED(config.bodies),    GR_NAMED(config.parts),  GR_NAMED(bodies.now),
+                                   GR_NAMED(bodies.split),     GR_NAMED(bodies.thin),   GR_NAMED(bodies.open),
+                                   GR_NAMED(bodies.near.cell), GR_NAMED(mesh.other),    GR_NAMED(mesh.duplicate),
+                                   GR_NAMED(mesh.separable),   GR_NAMED(mesh.separated)};
+    const char *name = foreign_of(arrays, sizeof arrays / sizeof *arrays);
+    if (name || !open) return name;
+    const void *const of_open[] = {open->place.block_of,   open->place.value,   open->slope,
+                                   open->part_of.block_of, open->part_of.value, open->part};
+    for (size_t k = 0; k < sizeof of_open / sizeof *of_open; k++)
+        if (of_open[k] && !gr_in_block(of_open[k])) return "bodies.open";
+    return NULL;
+}
 
 const char *gr_foreign_array(const struct gr_engine *e)
 {
@@ -51,6 +78,7 @@ const char *gr_foreign_array(const struct gr_engine *e)
                                    GR_NAMED(migration.leaving),
                                    GR_NAMED(config.walls),
                                    GR_NAMED(config.cell_flags.value),
+                                   GR_NAMED(sleep),
                                    GR_NAMED(watch),
                                    GR_NAMED(tally.cell),
                                    GR_NAMED(device),
@@ -68,10 +96,13 @@ const char *gr_foreign_array(const struct gr_engine *e)
                                    GR_NAMED(mesh.place),
                                    GR_NAMED(mesh.paired),
                                    GR_NAMED(mesh.other)};
-    for (size_t k = 0; k < sizeof arrays / sizeof *arrays; k++)
-        if (arrays[k].array && !gr_in_block(arrays[k].array)) return arrays[k].name;
+    const char *name = foreign_of(arrays, sizeof arrays / sizeof *arrays);
+    if (!name) name = foreign_of_bodies(e);
+    if (name) return name;
     for (int d = 0; d < e->config.dim; d++) {
         if (!gr_in_block(e->axis[d].cell)) return "axis.cell";
+        if (!gr_in_block(e->axis[d].node_position) || !gr_in_block(e->axis[d].node_integral)) return "axis.node";
+        if (!gr_in_block(e->cells_of_node[d])) return "cells_of_node";
         if (e->config.cell_flags.class_of[d] && !gr_in_block(e->config.cell_flags.class_of[d])) return "config.cell_flags";
     }
     for (int f = 0; f < GR_FIELD_COUNT; f++)
@@ -82,5 +113,9 @@ const char *gr_foreign_array(const struct gr_engine *e)
                                 f ? f->page_of.value : NULL};
     for (size_t k = 0; k < sizeof grid / sizeof *grid; k++)
         if (grid[k] && !gr_in_block(grid[k])) return "nonlocal.fluidity->space";
+    const void *const of_sleep[] = {e->sleep ? e->sleep->use : NULL, e->sleep ? e->sleep->restless : NULL,
+                                    e->sleep ? e->sleep->tile_rests : NULL};
+    for (size_t k = 0; k < 3; k++)
+        if (of_sleep[k] && !gr_in_block(of_sleep[k])) return "sleep";
     return e->watch && e->watch->node && !gr_in_block(e->watch->node) ? "watch->node" : NULL;
 }

@@ -4,6 +4,7 @@
 #include "mpm/packing.h"
 #include "mpm/smoothed_density.h"
 #include "mpm/tally_cells.h"
+#include "mpm/thin_bodies.h"
 
 /* The part of its tile that a cell is. */
 GR_INLINE struct gr_parts part_of(int64_t cell)
@@ -23,6 +24,7 @@ static void thread_masses(const struct gr_launch *launch, int64_t i) { gr_grid_m
 
 static void thread_nodes(const struct gr_launch *launch, int64_t i)
 {
+    if (launch->e->bodies.n_thin) gr_split_nodes(launch->e, i, i + 1);
     gr_grid_nodes(launch->e, &GR_NAME, i, i + 1, launch->gravity);
 }
 
@@ -45,12 +47,14 @@ static void thread_narrow(const struct gr_launch *launch, int64_t i) { narrow_no
 #else
 static void thread_cell_forces(const struct gr_launch *launch, int64_t i)
 {
-    forces_of_tile(launch->e, i / GR_LANES, part_of(i));
+    if (!gr_tile_rests(launch->e, i / GR_LANES)) forces_of_tile(launch->e, i / GR_LANES, part_of(i));
 }
 
 static void thread_smooth(const struct gr_launch *launch, int64_t i) { smooth_of_tile(launch->e, i / GR_LANES, part_of(i)); }
 #define thread_narrow NULL
 #endif
+
+static int is_asleep(const struct gr_engine *e, int64_t cell) { return e->sleep && e->mesh.cell[cell].calm == GR_ASLEEP; }
 
 /* G2P and the law for the points of a cell; those that leave it are noted. */
 GR_INLINE void sweep_cell(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
@@ -60,6 +64,10 @@ GR_INLINE void sweep_cell(const int dim, const int basis, const int affine, cons
     const struct gr_parts part = part_of(index);
     struct batch batch;
     batch.n = 0;
+    e->device->leaving[index] = 0;
+    if (gr_tile_rests(e, tile)) return;
+    if (is_asleep(e, index)) wake_cells(dim, basis, e, index);
+    if (is_asleep(e, index)) return;
     e->device->leaving[index] =
         (int32_t)(smoothed && gr_averages(e, e->clock.step)
                       ? g2p_tile(dim, basis, affine, smoothed, cell_averaged, smoothed, e, tile, part, &batch, NULL)
@@ -143,7 +151,7 @@ static void pack_cell(struct gr_engine *e, int64_t index)
 static void thread_pack(const struct gr_launch *launch, int64_t i)
 {
     if (launch->e->device->leaving[i]) pack_cell(launch->e, i);
-    thread_p2g(launch, i);
+    if (!is_asleep(launch->e, i)) thread_p2g(launch, i);
 }
 
 /* Add a migrant to those that come to its new cell, in any order. */
@@ -197,6 +205,7 @@ static void thread_fastest(const struct gr_launch *launch, int64_t i)
 }
 
 #include "gpu/fluidity.inl"
+#include "gpu/sleep.inl"
 
 static gr_thread *const threads[GR_STAGE_COUNT] = {
 #define GR_X(stage, unit) thread_##stage,

@@ -16,7 +16,7 @@
  *
  * In an axisymmetric plane the cell is a ring, with the volume and the centroid of one, and B_i has the component H_i of
  * hoops (hoop_at) in L_tt = sum H_i v_ir and in the force along r. */
-#include "mpm/connect.h"
+#include "mpm/solid_cells.h"
 #include "mpm/contribution.h"
 #include "mpm/density_correction.h"
 #include "mpm/open_volume.h"

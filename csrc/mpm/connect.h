@@ -7,6 +7,3 @@
 /* List the nodes of the active cells, and connect nodes and tiles: for each tile its rows of nodes and the neighbours of its
  * cells, and for each row of nodes the tiles that add to it. */
 int gr_connect(struct gr_engine *e, const struct gr_tiles *tiles, struct gr_team *team, int64_t chunks);
-
-/* Volume of a node of the grid over dx^dim, without what solid cells take of it. */
-double gr_node_volume(const struct gr_engine *e, int64_t id);

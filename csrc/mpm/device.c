@@ -13,8 +13,6 @@ static int64_t lanes_of(const struct gr_engine *e) { return e->mesh.n_tiles * GR
 
 const char *gr_device_lacks(const struct gr_config *config)
 {
-    if (config->n_bodies) return "bodies";
-    if (config->scheme.sleep_speed > 0) return "material that sleeps (sleep_speed)";
     for (int k = 0; k < config->n_materials; k++)
         if (config->material[k].function) return "laws of the user";
     return NULL;

@@ -22,7 +22,20 @@
     X(sums, group)            \
     X(end_sums, once)
 
-/* X(stage, one of what its threads are): the stages of a step. */
+/* The same of material that sleeps (sleep.h). */
+#define GR_SLEEP_STAGES(X) \
+    X(check, cell)         \
+    X(calm, node)          \
+    X(restless, cell)      \
+    X(fall, cell)          \
+    X(unuse, node)         \
+    X(use, cell)           \
+    X(use_near, near_cell) \
+    X(watch, cell)         \
+    X(rest, tile)          \
+    X(wake, cell)
+
+/* The same of a step. */
 #define GR_DEVICE_STAGES(X)   \
     X(p2g, cell)              \
     X(p2g_dirty, cell)        \
@@ -47,6 +60,7 @@
     X(store_pairs, pair)      \
     X(begin_substeps, cell)   \
     X(substep, cell)          \
+    GR_SLEEP_STAGES(X)        \
     GR_FLUIDITY_STAGES(X)
 
 #define GR_X(stage, unit) GR_STAGE_##stage,
@@ -66,9 +80,10 @@ typedef void gr_thread(const struct gr_launch *launch, int64_t i);
 
 enum { GR_GROUP = 64 }; /* cells, or groups of them, whose sums one thread makes */
 
-/* What a step finds out about the points that leave their cells. */
+/* What a step finds out about the points that leave their cells; and the number of cells that a stage of sleep counts. */
 struct gr_device_counts {
     int64_t leaving, invalid, outside, homeless, full; /* `full`: cells that could not take a point */
+    int64_t cells;
 };
 
 struct gr_device;

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "core/memory.h"
-#include "mpm/connect.h"
+#include "mpm/solid_cells.h"
 #include "mpm/pose.h"
 #include "mpm/thin_bodies.h"
 
@@ -197,12 +197,16 @@ static int add_box(struct gr_engine *e, const struct gr_pose *pose, const int32_
     return add_box(e, pose, at, low) || add_box(e, pose, first, high) ? GR_ERR_MEMORY : GR_OK;
 }
 
-/* Set the volume of a node of the mesh. */
-static void set_volume(struct gr_engine *e, int64_t n)
+/* Set the volumes of the nodes near the surfaces that are in the mesh: without what bodies take of them, or with it. */
+static void set_volumes(struct gr_engine *e, int without)
 {
-    const int64_t place = gr_open_place(e->bodies.open, e->mesh.node_id[n]);
-    const double volume = gr_node_volume(e, e->mesh.node_id[n]);
-    e->mesh.node_volume[n] = place < 0 ? volume : fmax(volume - e->bodies.open->solid[place], 0);
+    const struct gr_open_volume *open = e->bodies.open;
+    for (int64_t k = 0; k < open->n; k++) {
+        const int64_t n = (int64_t)gr_table_get(&e->mesh.node_of, open->id[k]) - 1;
+        if (n < 0) continue;
+        const double volume = gr_node_volume(e, open->id[k]);
+        e->mesh.node_volume[n] = without ? fmax(volume - open->solid[k], 0) : volume;
+    }
 }
 
 int gr_open_volumes(struct gr_engine *e, int follow)
@@ -215,7 +219,9 @@ int gr_open_volumes(struct gr_engine *e, int follow)
         if (follow && gr_follow_body(e, b, 0)) open->known = 0;
         gr_pose_at(e, b, e->bodies.split[b].x, e->bodies.split[b].orientation, &pose[b]);
     }
+    if (open->known && follow) return GR_OK;
     if (!open->known) {
+        set_volumes(e, 0);
         gr_table_clear(&open->place);
         gr_table_clear(&open->part_of);
         open->n = open->n_parts = 0;
@@ -223,6 +229,6 @@ int gr_open_volumes(struct gr_engine *e, int follow)
         if (add_box(e, pose, first, all)) return GR_ERR_MEMORY;
         open->known = 1;
     }
-    for (int64_t n = 0; n < e->mesh.n_nodes; n++) set_volume(e, n);
+    set_volumes(e, 1);
     return GR_OK;
 }

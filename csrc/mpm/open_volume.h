@@ -33,8 +33,9 @@ struct gr_open_volume {
 int gr_open_volume_new(struct gr_engine *e, int64_t n_cells, int64_t n_nodes);
 void gr_open_volume_free(struct gr_open_volume *open);
 
-/* Compute the integrals for the poses `split`, unless they are known, and the volumes of the nodes. If `follow`, the poses
- * first follow bodies whose surfaces have moved, however little: where they lag by a hundredth of a cell, the force on a box
+/* Compute the integrals for the poses `split`, unless they are known, and from them the volumes of the nodes near the
+ * surfaces; those of a new mesh are without bodies before. If `follow`, the mesh is the same, and the poses first follow bodies
+ * whose surfaces have moved, however little: where they lag by a hundredth of a cell, the force on a box
  * that moves through a bed is 2 to 8 % off. A body that is round about the axis of its rotation has not moved by it.
  * Returned: 0 or GR_ERR_MEMORY. */
 int gr_open_volumes(struct gr_engine *e, int follow);

@@ -5,9 +5,10 @@
 #include <string.h>
 
 #include "core/memory.h"
-#include "mpm/numbers.h"
+#include "mpm/device.h"
 #include "mpm/pose.h"
 #include "mpm/ranks.h"
+#include "mpm/sleep_cells.h"
 
 int gr_sleep_new(struct gr_engine *e)
 {
@@ -45,11 +46,31 @@ int gr_sleep_begin(struct gr_engine *e)
     return GR_OK;
 }
 
+/* Run n threads of a stage of a device. */
+static void run_stage(struct gr_engine *e, enum gr_device_stage stage, int64_t n)
+{
+    const struct gr_launch launch = {.e = e};
+    gr_device_run(&launch, stage, n);
+}
+
+/* Run a stage whose threads count their cells. Returned: the number of cells counted; 0 after a failure. */
+static int64_t count_on_device(struct gr_engine *e, enum gr_device_stage stage)
+{
+    e->device->counts.cells = 0;
+    run_stage(e, stage, e->mesh.n_cells);
+    return gr_device_wait(e) ? 0 : e->device->counts.cells;
+}
+
 void gr_sleep_wake_all(struct gr_engine *e)
 {
     if (!e->sleep->asleep) return;
-    for (int64_t c = 0; c < e->mesh.n_cells; c++) gr_wake(e, &e->mesh.cell[c]);
     e->sleep->asleep = 0;
+    e->sleep->changed = 1;
+    if (e->device && e->device->team) { /* else no steps are made, but a body is driven from outside */
+        run_stage(e, GR_STAGE_wake, e->mesh.n_cells);
+        return;
+    }
+    for (int64_t c = 0; c < e->mesh.n_cells; c++) gr_wake(e, &e->mesh.cell[c]);
 }
 
 /* Chunks of tiles. */
@@ -71,63 +92,28 @@ struct look {
     }                                                                                         \
     static void pass##_one(struct look *look, struct gr_engine *e, int64_t chunk, int64_t c)
 
-/* Set a byte that other threads may set, too. */
-static void set(uint8_t *byte, uint8_t value) { __atomic_store_n(byte, value, __ATOMIC_RELAXED); }
-
-static uint8_t get(const uint8_t *byte) { return __atomic_load_n(byte, __ATOMIC_RELAXED); }
-
-/* True if no point of a cell is fast; also if it has none. */
-static int is_slow(const struct gr_engine *e, const struct gr_cell *cell)
-{
-    const double most = e->config.scheme.sleep_speed * e->config.scheme.sleep_speed;
-    for (int32_t k = 0; k < cell->count; k++) {
-        if (!(gr_speed_squared(e, gr_slot(cell, k)) < most)) return 0;
-    }
-    return 1;
-}
-
 /* True for a cell of another rank, whose calm that one tells. */
 static int is_ghost(const struct gr_engine *e, int64_t c) { return e->ranks && e->ranks->sharing[c] == GR_GHOST; }
 
 /* Count for how many checks each cell has been calm. */
 GR_PASS(count_checks, n_cells)
 {
-    struct gr_cell *cell = &e->mesh.cell[c];
-    if (cell->calm == GR_ASLEEP || is_ghost(e, c)) return;
-    const int slow = !GR_IS_DOUBLE(cell) && is_slow(e, cell);
-    cell->calm = !slow ? 0 : cell->calm < GR_CALM_CHECKS ? cell->calm + 1 : GR_CALM_CHECKS;
-    look->calm[chunk] += cell->calm == GR_CALM_CHECKS;
+    if (!is_ghost(e, c)) look->calm[chunk] += gr_count_checks(e, c);
 }
 
 /* Note the nodes of the cells that are not calm. */
 GR_PASS(note_restless, n_cells)
 {
     (void)look, (void)chunk;
-    for (int i = 0; e->mesh.cell[c].count && e->mesh.cell[c].calm < GR_CALM_CHECKS && i < e->K; i++)
-        set(&e->sleep->restless[gr_cell_node(e, c, i)], 1);
-}
-
-/* Take the motion from the points of a cell that falls asleep. */
-static void stop(struct gr_engine *e, const struct gr_cell *cell)
-{
-    static const int fields[] = {GR_FIELD_v, GR_FIELD_affine, GR_FIELD_shift_velocity, GR_FIELD_shear_rate};
-    for (size_t f = 0; f < sizeof fields / sizeof *fields; f++)
-        for (int c = 0; e->points.field[fields[f]] && c < gr_field_components(fields[f], e->config.dim); c++)
-            for (int32_t k = 0; k < cell->count; k++) gr_set_number(e, fields[f], c, gr_slot(cell, k), 0);
+    gr_note_restless(e, c);
 }
 
 /* Let calm cells fall asleep that have no restless node. */
 GR_PASS(fall_asleep, n_cells)
 {
-    struct gr_cell *cell = &e->mesh.cell[c];
-    int restless = cell->calm != GR_CALM_CHECKS || is_ghost(e, c);
-    for (int i = 0; i < e->K && !restless; i++) restless = e->sleep->restless[gr_cell_node(e, c, i)];
-    if (restless) return;
-    cell->calm = GR_ASLEEP;
+    if (is_ghost(e, c) || !gr_fall_asleep(e, c)) return;
     look->fell[chunk]++;
-    if (!cell->count) return;
-    stop(e, cell);
-    set(&e->mesh.tile_changed[c / GR_LANES], 1);
+    if (e->mesh.cell[c].count) gr_set_byte(&e->mesh.tile_changed[c / GR_LANES], 1);
 }
 
 static int moves(const struct gr_body_state *body)
@@ -161,7 +147,10 @@ int64_t gr_sleep_count(struct gr_engine *e, struct gr_team *team)
 {
     struct look look = {.e = e, .chunks = gr_chunks(team, e->mesh.n_cells)};
     int64_t calm = 0;
-    gr_team_run(team, count_checks, &look, look.chunks);
+    if (e->device)
+        calm = count_on_device(e, GR_STAGE_check);
+    else
+        gr_team_run(team, count_checks, &look, look.chunks);
     if (e->bodies.contacts) wake_near_bodies(e);
     for (int64_t c = 0; c < look.chunks; c++) calm += look.calm[c];
     return calm;
@@ -178,10 +167,24 @@ static void note_restless_ghosts(struct gr_engine *e)
         }
 }
 
+/* The same by the threads of a device, which make the sums again of the cells that fall asleep. */
+static void fall_on_device(struct gr_engine *e)
+{
+    run_stage(e, GR_STAGE_calm, e->mesh.n_nodes);
+    run_stage(e, GR_STAGE_restless, e->mesh.n_cells);
+    const int64_t fell = count_on_device(e, GR_STAGE_fall);
+    e->sleep->asleep += fell;
+    if (fell) e->sleep->changed = e->sleep->all_nodes = 1;
+}
+
 void gr_sleep_fall(struct gr_engine *e, struct gr_team *team)
 {
     struct look look = {.e = e, .chunks = gr_chunks(team, e->mesh.n_cells)};
     int64_t fell = 0;
+    if (e->device) {
+        fall_on_device(e);
+        return;
+    }
     memset(e->sleep->restless, 0, (size_t)e->mesh.n_nodes);
     gr_team_run(team, note_restless, &look, look.chunks);
     note_restless_ghosts(e);
@@ -199,31 +202,31 @@ void gr_sleep_fall(struct gr_engine *e, struct gr_team *team)
 GR_PASS(use_nodes, n_cells)
 {
     (void)look, (void)chunk;
-    for (int i = 0; e->mesh.cell[c].calm != GR_ASLEEP && i < e->K; i++)
-        set(&e->sleep->use[gr_cell_node(e, c, i)], GR_NODE_OF_AWAKE);
+    if (e->mesh.cell[c].calm != GR_ASLEEP) gr_use_nodes(e, c);
 }
 
 /* Note the other nodes of cells that these may wake. */
 GR_PASS(watch_nodes, n_cells)
 {
-    int watched = 0;
     (void)look, (void)chunk;
-    if (e->mesh.cell[c].calm != GR_ASLEEP) return;
-    for (int i = 0; i < e->K && !watched; i++) watched = get(&e->sleep->use[gr_cell_node(e, c, i)]) == GR_NODE_OF_AWAKE;
-    for (int i = 0; watched && i < e->K; i++) {
-        uint8_t *use = &e->sleep->use[gr_cell_node(e, c, i)];
-        if (get(use) == GR_NODE_UNUSED) set(use, GR_NODE_OF_WATCHED);
-    }
+    gr_watch_nodes(e, c);
 }
 
 /* Find out which tiles are left alone. */
 GR_PASS(find_resting, n_tiles)
 {
-    int used = 0;
     (void)look, (void)chunk;
-    for (int64_t lane = c * GR_LANES; lane < (c + 1) * GR_LANES; lane++)
-        for (int i = 0; i < e->K && !used; i++) used = e->sleep->use[gr_cell_node(e, lane, i)];
-    e->sleep->tile_rests[c] = !used;
+    gr_find_resting(e, c);
+}
+
+/* The same by the threads of a device. */
+static void find_uses_on_device(struct gr_engine *e)
+{
+    run_stage(e, GR_STAGE_unuse, e->sleep->capacity);
+    run_stage(e, GR_STAGE_use, e->mesh.n_cells);
+    if (e->bodies.contacts) run_stage(e, GR_STAGE_use_near, e->bodies.near.n);
+    run_stage(e, GR_STAGE_watch, e->mesh.n_cells);
+    run_stage(e, GR_STAGE_rest, e->mesh.n_tiles);
 }
 
 void gr_sleep_find_uses(struct gr_engine *e, struct gr_team *team)
@@ -232,10 +235,14 @@ void gr_sleep_find_uses(struct gr_engine *e, struct gr_team *team)
     struct look look = {.e = e, .chunks = gr_chunks(team, e->mesh.n_cells)};
     e->sleep->changed = 0;
     e->sleep->asleep = 0;
+    if (e->device) {
+        find_uses_on_device(e);
+        return;
+    }
     if (e->sleep->capacity) memset(e->sleep->use, GR_NODE_UNUSED, (size_t)e->sleep->capacity);
     gr_team_run(team, use_nodes, &look, look.chunks);
     for (int64_t k = 0; e->bodies.contacts && k < e->bodies.near.n; k++) /* contact changes the nodes near bodies in place */
-        for (int i = 0; i < e->K; i++) e->sleep->use[gr_cell_node(e, e->bodies.near.cell[k], i)] = GR_NODE_OF_AWAKE;
+        gr_use_nodes(e, e->bodies.near.cell[k]);
     gr_team_run(team, watch_nodes, &look, look.chunks);
     gr_team_run(team, find_resting, &look, look.chunks);
     for (int64_t c = 0; c < e->mesh.n_cells; c++) e->sleep->asleep += e->mesh.cell[c].calm == GR_ASLEEP;

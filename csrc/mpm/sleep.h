@@ -74,13 +74,13 @@ static inline void gr_wake_for_arrival(struct gr_engine *e, struct gr_cell *cell
     if (!cell->count) cell->calm = 0;
 }
 
-/* True if the values of the group of nodes that begins with `first`, a multiple of GR_LANES, are from the last step. */
-static inline int gr_group_rests(const struct gr_engine *e, int64_t first)
+/* True if the values of the group of GR_LANES nodes that node n is of are from the last step. */
+static inline int gr_group_rests(const struct gr_engine *e, int64_t n)
 {
     uint64_t uses;
     if (!e->sleep || !e->sleep->asleep || e->sleep->all_nodes) return 0;
     _Static_assert(sizeof uses == GR_LANES, "a byte for each node of a group");
-    memcpy(&uses, e->sleep->use + first, sizeof uses);
+    memcpy(&uses, e->sleep->use + n - n % GR_LANES, sizeof uses);
     return !uses;
 }
 

@@ -29,3 +29,15 @@ double gr_solid_volume(const struct gr_engine *e, const int32_t at[3])
     }
     return volume;
 }
+
+double gr_node_volume(const struct gr_engine *e, int64_t id)
+{
+    int32_t at[3] = {0};
+    double volume = 1;
+    for (int d = 0; d < e->config.dim; d++) {
+        at[d] = (int32_t)(id % e->axis[d].n_nodes);
+        volume *= e->axis[d].node_integral[at[d]];
+        id /= e->axis[d].n_nodes;
+    }
+    return volume - gr_solid_volume(e, at);
+}

@@ -23,25 +23,28 @@ static inline int64_t awake_points(const struct gr_engine *e, int64_t tile, unsi
     return points;
 }
 
-/* The lanes of a tile that are asleep, after those have woken of which a node moves too fast. */
-GR_INLINE unsigned wake_lanes(const int dim, const int basis, struct gr_engine *e, int64_t tile)
+/* Wake the cells from `first` on of which a node moves too fast. */
+GR_INLINE void wake_cells(const int dim, const int basis, struct gr_engine *e, int64_t first)
 {
     const int K = gr_power(gr_nodes_1d(basis), dim);
     const vd most = v_set(e->config.scheme.sleep_speed * e->config.scheme.sleep_speed);
-    if (!gr_lanes_asleep(e, tile)) return 0;
-    for (int part = 0; part < GR_VECTORS; part++) {
-        const int64_t first = tile * GR_LANES + part * GR_W;
-        vd v[3 * GR_MAX_NODES], fastest = v_zero();
-        load_nodes(K, e, first, GR_NODE_VELOCITY, GR_NODE_VELOCITY + dim, 1.0, v);
-        for (int i = 0; i < K; i++) {
-            vd square = v_zero();
-            for (int d = 0; d < dim; d++) square = v_fma(v[d * K + i], v[d * K + i], square);
-            fastest = v_max(square, fastest);
-        }
-        const unsigned pushed = m_bits(v_gt(fastest, most));
-        for (int l = 0; pushed && l < GR_W; l++)
-            if (pushed >> l & 1u) gr_wake(e, &e->mesh.cell[first + l]);
+    vd v[3 * GR_MAX_NODES], fastest = v_zero();
+    load_nodes(K, e, first, GR_NODE_VELOCITY, GR_NODE_VELOCITY + dim, 1.0, v);
+    for (int i = 0; i < K; i++) {
+        vd square = v_zero();
+        for (int d = 0; d < dim; d++) square = v_fma(v[d * K + i], v[d * K + i], square);
+        fastest = v_max(square, fastest);
     }
+    const unsigned pushed = m_bits(v_gt(fastest, most));
+    for (int l = 0; pushed && l < GR_W; l++)
+        if (pushed >> l & 1u) gr_wake(e, &e->mesh.cell[first + l]);
+}
+
+/* The lanes of a tile that are asleep, after those have woken of which a node moves too fast. */
+GR_INLINE unsigned wake_lanes(const int dim, const int basis, struct gr_engine *e, int64_t tile)
+{
+    if (!gr_lanes_asleep(e, tile)) return 0;
+    for (int part = 0; part < GR_VECTORS; part++) wake_cells(dim, basis, e, tile * GR_LANES + part * GR_W);
     return gr_lanes_asleep(e, tile);
 }
 

@@ -1,5 +1,6 @@
 /* A driver of GPUs for tests, as libcuda.so.1: its GPU is the processor, which runs the kernels for GPUs, compiled from the
- * same file, one thread after the other. FAKE_GPU names a fault: none, old_driver, old_gpu, little_memory, or lost, after as
+ * same file, one thread after the other. Launches wait until they are waited for, as those of a GPU may: who reads what they
+ * make sooner sees what was there before. FAKE_GPU names a fault: none, old_driver, old_gpu, little_memory, or lost, after as
  * many launches as FAKE_LAUNCHES says. */
 #include <dlfcn.h>
 #include <stdint.h>
@@ -11,11 +12,41 @@
 
 #define EXPORT __attribute__((visibility("default")))
 
+enum { MOST_WAITING = 64 };
+
 _Thread_local int64_t fake_thread;
 
 typedef void entry(struct gr_launch launch, int64_t n);
 
 static long launches;
+
+/* What waits to be done: a copy of `bytes` bytes, or a launch. */
+static struct job {
+    void *to, *from;
+    size_t bytes;
+    entry *function;
+    struct gr_launch launch;
+    int64_t n, threads;
+} waiting[MOST_WAITING];
+static int n_waiting;
+
+static void do_all(void)
+{
+    for (int k = 0; k < n_waiting; k++) {
+        const struct job *job = &waiting[k];
+        if (job->bytes) memcpy(job->to, job->from, job->bytes);
+        if (job->bytes) free(job->from);
+        for (fake_thread = 0; fake_thread < job->threads; fake_thread++) job->function(job->launch, job->n);
+    }
+    n_waiting = 0;
+}
+
+static struct job *next_job(void)
+{
+    if (n_waiting == MOST_WAITING) do_all();
+    waiting[n_waiting] = (struct job){0};
+    return &waiting[n_waiting++];
+}
 
 static int has(const char *fault)
 {
@@ -37,7 +68,7 @@ EXPORT int cuDeviceGetAttribute(int *value, int which, int device)
 EXPORT int cuDevicePrimaryCtxRetain(void **context, int device) { return *context = &launches, device; }
 EXPORT int cuCtxSetCurrent(void *context) { return context != &launches; }
 EXPORT int cuCtxSetLimit(int limit, size_t value) { return limit || value < 1024; }
-EXPORT int cuCtxSynchronize(void) { return 0; }
+EXPORT int cuCtxSynchronize(void) { return do_all(), 0; }
 EXPORT int cuLinkCreate_v2(unsigned n, int *options, void **values, void **link)
 {
     (void)options, (void)values;
@@ -60,14 +91,14 @@ EXPORT int cuModuleGetFunction(void **function, void *module, const char *name)
 EXPORT int cuLaunchKernel(void *function, unsigned x, unsigned y, unsigned z, unsigned threads, unsigned ty, unsigned tz,
                           unsigned shared, void *stream, void **arguments, void **more)
 {
-    struct gr_launch launch;
-    int64_t n;
     (void)stream, (void)more;
     if (y != 1 || z != 1 || ty != 1 || tz != 1 || shared || !x) return 1;
     if (has("lost") && launches++ >= atol(getenv("FAKE_LAUNCHES"))) return 719;
-    memcpy(&launch, arguments[0], sizeof launch);
-    memcpy(&n, arguments[1], sizeof n);
-    for (fake_thread = 0; fake_thread < (int64_t)x * threads; fake_thread++) ((entry *)(uintptr_t)function)(launch, n);
+    struct job *job = next_job();
+    memcpy(&job->launch, arguments[0], sizeof job->launch);
+    memcpy(&job->n, arguments[1], sizeof job->n);
+    job->function = (entry *)(uintptr_t)function;
+    job->threads = (int64_t)x * threads;
     return 0;
 }
 EXPORT int cuMemGetInfo_v2(size_t *free, size_t *total)
@@ -87,6 +118,8 @@ EXPORT int cuMemPrefetchAsync(uint64_t block, size_t bytes, int device, void *st
 }
 EXPORT int cuMemcpyHtoDAsync_v2(uint64_t to, const void *from, size_t bytes, void *stream)
 {
+    struct job *job = next_job();
     (void)stream;
-    return memcpy((void *)(uintptr_t)to, from, bytes), 0;
+    job->to = (void *)(uintptr_t)to, job->bytes = bytes;
+    return !(job->from = malloc(bytes)) || !memcpy(job->from, from, bytes);
 }

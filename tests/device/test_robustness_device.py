@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from oracle_fluidity import available
 from same_bits import bits, fields, shown
-from scenes_by_hand import two_clouds
+from scenes_by_hand import bed_with_bodies, sleeping_bed, two_clouds
+from schemes_by_name import scheme_of
 
 import granular as gr
 from granular.mpm.schemes import Fluidity
@@ -136,11 +137,88 @@ def test_also_on_a_grid_of_many_pages(precision):
         ("cylinder_collapse", {"cell": 0.05, "axisymmetric": True}),
         ("cylinder_collapse", {"cell": 0.05, "axisymmetric": True, "material": LAWS["NGF"]}),
         ("silo_fed", {"cell": 0.02, "duration": 0.3}),
+        ("rotating_drum", {"cell": 0.02, "width": 0.04}),
+        ("landslide", {"cell": 0.04}),
+        ("flexible_barrier", {"cell": 0.025}),
     ],
 )
 def test_ready_made_scenes_have_the_bits_of_a_processor(name, numbers):
-    """Runs in which points are grouped anew, among them one into which material flows."""
+    """Runs in which points are grouped anew; one has an inflow, and some have bodies."""
     check_bits(gr.scenes.registry[name](**numbers), 150)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "thin"),
+    [
+        (("quadratic", "tpic", "smoothed"), False),
+        (("linear", "tpic", "cell_averaged"), False),
+        (("quadratic", "xpic", "particle"), False),
+        (("quadratic", "apic", "particle"), True),
+        (("linear", "flip", "particle"), True),
+    ],
+)
+def test_bodies_have_the_bits_of_a_processor(scheme, thin, dim):
+    """A bucket that turns, a free box and a disc that sticks, with their forces and patches."""
+    scene = bed_with_bodies(dim, thin).replace(scheme=scheme_of(*scheme))
+    sims = check_bits(scene, 1, 79, wall_forces=True, tractions=True)
+    for sim in sims:
+        sim.apply_load(1, force=(5.0,) * dim)
+        sim.step(5)
+    assert bits(sims[1]) == bits(sims[0])
+
+
+def test_also_with_single_precision_and_two_sides(dim):
+    scheme = scheme_of("quadratic", "apic", "particle", precision="single")
+    check_bits(bed_with_bodies(dim, thin=True).replace(scheme=scheme), 80)
+
+
+@pytest.mark.parametrize("name", ["tumbling_block", "rolling_wheel", "conveyor"])
+def test_also_where_bodies_touch_each_other(name):
+    """Free bodies that meet solid ones, and one from which material falls on another."""
+    check_bits(gr.scenes.registry[name](cell=0.02), 150, wall_forces=True)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "plate"),
+    [
+        (("quadratic", "tpic", "smoothed"), False),
+        (("linear", "tpic", "cell_averaged"), False),
+        (("quadratic", "tpic", "particle"), True),
+    ],
+)
+def test_material_sleeps_and_wakes_as_on_a_processor(scheme, plate):
+    """A bed falls asleep until a block strikes it, or a thin plate that is pushed into it."""
+    motion = gr.Motion(times=(0.18, 0.2), velocity=((0.0, 0.0), (0.0, -0.5)))
+    pushed = gr.Body(gr.Box(size=(0.1, 0.04)), position=(0.24, 0.145), motion=motion, friction=0.3)
+    more = {"height": 0.0, "bodies": [pushed]} if plate else {"height": 0.45, "top": 0.6}
+    sims, still = both(sleeping_bed(scheme, **more), wall_forces=True), []
+    for n in (540, 220, 100):
+        for sim in sims:
+            sim.step(n)
+        assert bits(sims[1]) == bits(sims[0])
+        still.append((sims[0].state.v == 0).all(axis=1).mean())
+    assert sims[1]._engine.foreign_array() is None
+    assert still[0] > 0.5 > still[2]
+
+
+def test_a_body_that_is_driven_from_outside_wakes_a_bed():
+    """Between steps, when the threads of a device are not at hand."""
+    plate = gr.Body(gr.Box(size=(0.1, 0.06)), position=(0.24, 0.155))
+    bed = sleeping_bed(("quadratic", "tpic", "smoothed"), height=0.0, bodies=[plate])
+    sims, still = both(bed), []
+    for n, velocity in ((560, (0.0, 0.0)), (20, (0.0, -0.3)), (60, (0.1, 0.2))):
+        for sim in sims:
+            sim.set_motion(0, velocity=velocity)
+            sim.step(n)
+        assert bits(sims[1]) == bits(sims[0])
+        still.append((sims[0].state.v == 0).all(axis=1).mean())
+    assert still[0] > 0.5 > still[1]
+
+
+def test_gravity_that_leans_wakes_a_bed_on_a_device():
+    gravity = gr.Gravity(times=(0.0, 0.2, 0.25), vectors=((0.0, -9.8), (0.0, -9.8), (4.0, -9.8)))
+    bed = sleeping_bed(("quadratic", "tpic", "smoothed"), height=0.0, gravity=gravity)
+    check_bits(bed, 560, 200)
 
 
 def test_the_impulses_on_walls_and_their_patches_are_those_of_a_processor(small_scene):
@@ -155,9 +233,10 @@ def test_thousands_of_points_change_cells_in_a_step(dim):
     check_bits(two_clouds(dim, *numbers), 40)
 
 
-def test_a_record_goes_on_with_a_device_and_back(tmp_path):
+@pytest.mark.parametrize("bodies", [False, True])
+def test_a_record_goes_on_with_a_device_and_back(bodies, tmp_path):
     """Without a device, a run goes on with what is fastest on the machine, and the same bits."""
-    scene = gr.scenes.column_collapse(cell=0.05)
+    scene = bed_with_bodies(2, thin=True) if bodies else gr.scenes.column_collapse(cell=0.05)
     fastest = gr._core.build_info()["isa"]
     alone, sim = (gr.Simulation(scene, threads=1, isa=FUSING[-1]) for _ in range(2))
     alone.step(120)
@@ -191,8 +270,6 @@ def small():
 @pytest.mark.parametrize(
     ("scene", "what"),
     [
-        (lambda: gr.scenes.penetration(cell=0.04), "bodies"),
-        (lambda: small().replace(scheme=gr.Scheme(sleep_speed=0.02)), "sleep_speed"),
         (lambda: gr.scenes.incline_sph(height=0.05), "processors alone compute SPH"),
     ],
 )

@@ -5,6 +5,7 @@ the compiler that makes its text of them, is what a GPU has.
 """
 
 import os
+import re
 import subprocess
 import sys
 import sysconfig
@@ -15,6 +16,7 @@ import pytest
 from oracle_fluidity import available
 
 import granular as gr
+from granular.run import machine
 
 ROOT = Path(__file__).parents[2]
 FOLDER = Path(__file__).parent
@@ -37,6 +39,7 @@ BEGIN = """
     import granular as gr
     from granular.run import machine
     from same_bits import bits
+    from scenes_by_hand import bed_with_bodies, sleeping_bed
     from schemes_by_name import scheme_of
 
     machine._kernels = lambda: (b"// .version 8.0", b"// .version 8.0")
@@ -80,10 +83,11 @@ def said(driver, script, **faults):
 
 @pytest.mark.slow
 def test_a_gpu_has_the_bits_of_a_processor(driver):
-    """Both precisions, planes and rings, cell averages, XPIC, an inflow, and a restart."""
+    """Both precisions, planes and rings, averages, XPIC, an inflow, bodies, sleep, restarts."""
     script = """
         def check(name, numbers, steps=80, **scheme):
-            scene = gr.scenes.registry[name](**numbers)
+            by_hand = {"bodies": bed_with_bodies, "sleep": sleeping_bed}
+            scene = (by_hand.get(name) or gr.scenes.registry[name])(**numbers)
             scene = scene.replace(scheme=scene.scheme.replace(**scheme))
             one = gr.Simulation(scene, threads=1, isa="one_lane")
             gpu = gr.Simulation(scene, device="gpu")
@@ -109,9 +113,15 @@ def test_a_gpu_has_the_bits_of_a_processor(driver):
             way = gr.mpm.schemes.Fluidity(method=method, initial=0.5, substeps=2)
             check("column_collapse", {"cell": 0.05, "material": sand}, fluidity=way, dt=2e-4)
         check("chute_ngf", {"columns": 2}, 20)
+        check("bodies", {"dim": 2, "thin": True})
+        check("bodies", {"dim": 2, "thin": True}, precision="single", transfer="apic")
+        check("bodies", {"dim": 2})
+        check("bodies", {"dim": 2}, **averaged.arguments())
+        smoothed = ("quadratic", "tpic", "smoothed")
+        check("sleep", {"combination": smoothed, "height": 0.45, "top": 0.6}, 760)
     """
     lines = said(driver, script).splitlines()
-    assert len(lines) == 11
+    assert len(lines) == 16
     assert all(line.endswith("True") for line in lines), lines
 
 
@@ -177,6 +187,24 @@ def test_a_gpu_that_is_lost_is_said_and_the_record_goes_on(driver, launches, tmp
     assert "the device has failed in step" in lines[0]
     assert "it was lost (error 719 of the driver)" in lines[0]
     assert lines[1] == "True"
+
+
+def test_the_kernels_for_gpus_are_whole():
+    """No thread comes to a place that was left out, and each text has what the other lacks."""
+    try:
+        texts = [text.decode() for text in machine._kernels()]
+    except RuntimeError:
+        pytest.skip("built without kernels for GPUs")
+    for text, other in (texts, texts[::-1]):
+        assert not re.search(r"^\s*trap;", text, re.MULTILINE)
+        lacking = re.findall(
+            r"^\.extern \.(?:func|global)[^;]*?(\w+)(?:\[\d+\])?\s*[(;]", text, re.M
+        )
+        defined = re.findall(
+            r"^\.visible \.(?:func|global)[^;{]*?(\w+)(?:\[\d+\])?\s*[(=;]", other, re.M
+        )
+        assert set(lacking) <= set(defined)
+    assert ".extern" in texts[1]
 
 
 def test_without_a_driver_there_is_no_gpu():

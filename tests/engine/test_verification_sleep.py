@@ -5,13 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from same_bits import bits
-from scenes_by_hand import scene_with
-from schemes_by_name import scheme_of
+from scenes_by_hand import sleeping_bed
 
 import granular as gr
 
 CELL = 0.02
-ACROSS = 0.06  # width of the bed in 3D [m]
 SPEED = 2e-3
 COMBINATIONS = [
     ("quadratic", "tpic", "smoothed"),
@@ -19,32 +17,6 @@ COMBINATIONS = [
     ("quadratic", "tpic", "particle"),
     ("linear", "flip", "particle"),
 ]
-
-
-def scene_of(combination, sleep_speed=SPEED, *, dim=2, height=0.3, top=0.5, **more):
-    """A bed in equilibrium between smooth sides, and a block that falls on it; height 0: none."""
-    width, depth = 0.48, 0.12
-    across = () if dim == 2 else (ACROSS,)
-    fills = [
-        gr.Fill(
-            gr.Box((0.0,) * dim, (width, *across, depth)),
-            points_per_cell=4 if dim == 2 else 8,
-            lithostatic=True,
-        )
-    ]
-    if height:
-        block = gr.Box((0.2, *[0.0] * (dim - 2), height), (0.28, *across, height + 0.08))
-        fills.append(gr.Fill(block, points_per_cell=4 if dim == 2 else 8))
-    sides = [gr.Wall(0, at, kind="free_slip") for at in (0.0, width)]
-    sides += [gr.Wall(1, at, kind="free_slip") for at in ((0.0, ACROSS) if dim == 3 else ())]
-    return scene_with(
-        grid=gr.Grid((0.0,) * dim, CELL, tuple(round(a / CELL) for a in (width, *across, top))),
-        fills=fills,
-        walls=[*sides, gr.Wall(dim - 1, 0.0, kind="no_slip")],
-        material=gr.materials.glass_beads.replace(E=1e6),
-        scheme=scheme_of(*combination).replace(sleep_speed=sleep_speed),
-        **more,
-    )
 
 
 def asleep(sim):
@@ -57,7 +29,7 @@ def asleep(sim):
 )
 def test_threads_and_restarts_give_the_same_bits(combination, dim):
     """The bed sleeps when the block strikes it, wakes about the place, and sleeps again."""
-    scene = scene_of(combination, dim=dim, height=0.45, top=0.6)
+    scene = sleeping_bed(combination, dim=dim, height=0.45, top=0.6)
     one, other = (gr.Simulation(scene, threads=threads) for threads in (1, 3))
     shares = []
     for _ in range(12):
@@ -79,7 +51,7 @@ def test_the_heap_is_that_without_sleep(combination):
     """
     ends = []
     for speed in (SPEED, 0.0):
-        sim = gr.Simulation(scene_of(combination, speed), threads=1)
+        sim = gr.Simulation(sleeping_bed(combination, speed), threads=1)
         sim.run(until=1.5, monitor=False)
         ends.append(sim)
     slept, whole = ends
@@ -101,7 +73,7 @@ def test_gravity_that_turns_wakes_a_bed():
     turning = gr.Gravity(times=(0.0, 0.5, 0.6), vectors=((0, -9.8), (0, -9.8), tuple(leans)))
     moved = {}
     for speed in (SPEED, 0.0):
-        scene = scene_of(COMBINATIONS[0], speed, height=0, gravity=turning)
+        scene = sleeping_bed(COMBINATIONS[0], speed, height=0, gravity=turning)
         sim = gr.Simulation(scene, threads=1)
         start = sim.state.x[:, 0].mean()
         sim.run(until=0.49, monitor=False)
@@ -113,7 +85,7 @@ def test_gravity_that_turns_wakes_a_bed():
 
 
 def test_a_wall_that_opens_wakes_a_bed():
-    scene = scene_of(COMBINATIONS[0], height=0)
+    scene = sleeping_bed(COMBINATIONS[0], height=0)
     side = gr.Wall(0, 0.48, kind="free_slip", opens_at=0.5)
     grid = replace(scene.grid, open_sides=frozenset({"x+"}))
     scene = scene.replace(grid=grid, walls=[scene.walls[0], side, scene.walls[2]])
@@ -133,7 +105,8 @@ def test_a_plate_that_is_pushed_into_a_bed_wakes_it():
         plate = gr.Body(
             gr.shapes.Box(size=(0.1, 0.04)), position=(0.24, 0.145), motion=motion, friction=0.3
         )
-        sim = gr.Simulation(scene_of(COMBINATIONS[2], speed, height=0, bodies=[plate]), threads=1)
+        scene = sleeping_bed(COMBINATIONS[2], speed, height=0, bodies=[plate])
+        sim = gr.Simulation(scene, threads=1)
         sim.run(until=0.4, monitor=False)
         assert (asleep(sim) > 0.5) == (speed > 0)  # but not the cells about the thin plate
         sim.run(until=0.9, monitor=False)
@@ -145,7 +118,7 @@ def test_a_plate_that_is_pushed_into_a_bed_wakes_it():
 def test_a_changed_scene_wakes_all(tmp_path):
     """A run that is resumed with less friction flows, although the heap was asleep."""
     path = tmp_path / "heap.vtkhdf"
-    scene = scene_of(COMBINATIONS[1], height=0)
+    scene = sleeping_bed(COMBINATIONS[1], height=0)
     gr.Simulation(scene).run(0.5, save=path)
     sim = gr.Simulation.resume(path)
     assert asleep(sim) == 1
@@ -160,6 +133,6 @@ def test_what_cannot_sleep_is_refused():
         gr.Scheme(basis="quadratic", transfer="xpic", sleep_speed=1e-3)
     with pytest.raises(ValueError, match=r"sleep_speed = -1"):
         gr.Scheme(sleep_speed=-1)
-    scene = scene_of(COMBINATIONS[3])
+    scene = sleeping_bed(COMBINATIONS[3])
     with pytest.raises(ValueError, match=r"sleep_speed = 0.002 must be 0 for a nonlocal law"):
         scene.replace(material=gr.materials.couette_beads)
