@@ -8,6 +8,7 @@ from oracle_fluidity import available
 from same_bits import bits, fields, shown
 from scenes_by_hand import bed_with_bodies, sleeping_bed, two_clouds
 from schemes_by_name import scheme_of
+from speed.own_mu_I import mu_I
 
 import granular as gr
 from granular.mpm.schemes import Fluidity
@@ -167,6 +168,16 @@ def test_bodies_have_the_bits_of_a_processor(scheme, thin, dim):
     assert bits(sims[1]) == bits(sims[0])
 
 
+@pytest.mark.parametrize("stencil", ["faces", "isotropic"])
+def test_the_fluidity_at_bodies_has_the_bits_of_a_processor(stencil):
+    """At rough ones, where it is zero, and on both sides of a thin one."""
+    scene = bed_with_bodies(2, thin=True)
+    bodies = tuple(body.replace(rough=True) for body in scene.bodies)
+    diffusion = Fluidity(method="implicit", stencil=stencil, substeps=2, initial=0.5)
+    scheme = scene.scheme.replace(fluidity=diffusion)
+    check_bits(scene.replace(bodies=bodies, scheme=scheme, material=LAWS["NGF"]), 60)
+
+
 def test_also_with_single_precision_and_two_sides(dim):
     scheme = scheme_of("quadratic", "apic", "particle", precision="single")
     check_bits(bed_with_bodies(dim, thin=True).replace(scheme=scheme), 80)
@@ -267,9 +278,18 @@ def small():
     return gr.scenes.column_collapse(cell=0.1)
 
 
+def own():
+    sand = gr.materials.glass_beads.replace(E=1e6)
+    numbers = {"mu_s": sand.mu_s, "mu_2": sand.mu_2, "xi": sand.xi}
+    return gr.materials.from_function(
+        mu_I, parameters=numbers, E=sand.E, nu=sand.nu, rho_c=sand.rho_c
+    )
+
+
 @pytest.mark.parametrize(
     ("scene", "what"),
     [
+        (lambda: small().replace(material=own()), "laws of the user"),
         (lambda: gr.scenes.incline_sph(height=0.05), "processors alone compute SPH"),
     ],
 )
