@@ -54,7 +54,7 @@ GR_INLINE void exchange(const uint8_t *restrict link, const uint8_t *here, const
 
 /* Find with which cells the lanes [first, last) of page q exchange, from the set of dense cells; g of all others becomes
  * zero. */
-GR_INLINE void connect_cells(const int links, struct gr_fluidity *f, int64_t q, const int first, const int last)
+GR_INLINE void link_cells(const int links, struct gr_fluidity *f, int64_t q, const int first, const int last)
 {
     const uint8_t *dense = f->dense;
     const int64_t page = q * GR_PAGE, begin = page + first, end = page + last;
@@ -74,7 +74,7 @@ GR_INLINE void connect_cells(const int links, struct gr_fluidity *f, int64_t q, 
 }
 
 /* Weights of the links of f->pages.wrap that belong to a chunk. */
-GR_INLINE void connect_wraps(struct gr_fluidity *f, int64_t chunk)
+GR_INLINE void link_wraps(struct gr_fluidity *f, int64_t chunk)
 {
     if (f->stencil == GR_STENCIL_isotropic) {
         gr_fluidity_weigh_wraps(f, chunk);
@@ -246,8 +246,8 @@ GR_INLINE void pass_chunk(const int pass, const int links, const struct gr_pass 
 GR_INLINE void connect_chunk(const int links, const struct gr_pass *w, int64_t c)
 {
     for (int64_t q = w->f->pages.chunk_first[c]; q < w->f->pages.chunk_first[c + 1]; q++)
-        connect_cells(links, w->f, q, 0, GR_PAGE);
-    connect_wraps(w->f, c);
+        link_cells(links, w->f, q, 0, GR_PAGE);
+    link_wraps(w->f, c);
     w->f->space.partial_clamped[c] = 0;
 }
 

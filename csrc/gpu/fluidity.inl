@@ -75,10 +75,10 @@ GR_INLINE void fluidity_thread(const struct gr_launch *launch, const enum gr_dev
     if (is_late(w)) return;
     switch (stage) {
     case GR_STAGE_connect_cells:
-        connect_cells(w->f->n_links, w->f, i / GR_PAGE, lane, lane + 1);
+        link_cells(w->f->n_links, w->f, i / GR_PAGE, lane, lane + 1);
         break;
     case GR_STAGE_connect_wraps:
-        connect_wraps(w->f, i);
+        link_wraps(w->f, i);
         break;
     case GR_STAGE_begin_cells:
         begin_cells(w->which, w->f->n_links, w, i);

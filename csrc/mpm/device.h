@@ -13,8 +13,8 @@
 /* X(stage, one of what its threads are): the parts of the passes of the diffusion (fluidity/passes.inl), which are in double
  * precision in any case; `lane`: the places of the pages of a chunk that have the same number. */
 #define GR_FLUIDITY_STAGES(X) \
-    X(connect_cells, place)   \
-    X(connect_wraps, chunk)   \
+    X(link_cells, place)      \
+    X(link_wraps, chunk)      \
     X(begin_cells, place)     \
     X(wraps, chunk)           \
     X(end_cells, place)       \

@@ -11,8 +11,8 @@ static void run_pass(void *context, const struct gr_pass *w)
     const int64_t places = pages->n * GR_PAGE, chunks = pages->n_chunks, with_wraps = pages->n_wraps ? chunks : 0;
     const int multiplies = w->which == GR_PASS_multiply, sums = gr_sums_of_pass(w->which);
     if (w->which == GR_PASS_connect) {
-        gr_device_run(&launch, GR_STAGE_connect_cells, places);
-        gr_device_run(&launch, GR_STAGE_connect_wraps, with_wraps);
+        gr_device_run(&launch, GR_STAGE_link_cells, places);
+        gr_device_run(&launch, GR_STAGE_link_wraps, with_wraps);
         return;
     }
     if (w->which != GR_PASS_clamp) gr_device_run(&launch, GR_STAGE_begin_cells, places);
