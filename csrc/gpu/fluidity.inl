@@ -74,10 +74,10 @@ GR_INLINE void fluidity_thread(const struct gr_launch *launch, const enum gr_dev
     const int lane = (int)(i % GR_PAGE);
     if (is_late(w)) return;
     switch (stage) {
-    case GR_STAGE_connect_cells:
+    case GR_STAGE_link_cells:
         link_cells(w->f->n_links, w->f, i / GR_PAGE, lane, lane + 1);
         break;
-    case GR_STAGE_connect_wraps:
+    case GR_STAGE_link_wraps:
         link_wraps(w->f, i);
         break;
     case GR_STAGE_begin_cells:
