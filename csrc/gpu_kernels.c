@@ -10,6 +10,7 @@
 #include "core/field.c"
 #include "mpm/grid.c"
 #include "mpm/packing.c"
+#include "mpm/regroup_passes.c"
 #include "mpm/smoothed_density.c"
 #include "mpm/tally_cells.c"
 

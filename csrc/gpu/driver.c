@@ -60,7 +60,7 @@ static struct {
     int tried, device;
     char refusal[256]; /* why there is no GPU; empty if there is one */
     void *context, *function[2][GR_STAGE_COUNT];
-    address engine; /* a copy of the engine that runs */
+    address engine; /* a copy of the engine that runs, and behind it one of the work of a pass */
 #define X(name, types) int(*name) types;
     FUNCTIONS(X)
 #undef X
@@ -101,10 +101,21 @@ static void bring(void *begin, size_t bytes)
     (void)gpu.cuMemPrefetchAsync((address)(uintptr_t)begin, bytes, gpu.device, NULL);
 }
 
+/* Let this thread of the processor call the driver. */
+static void enter(struct gr_device *d)
+{
+    if (!*d->failure) note(d, gpu.cuCtxSetCurrent(gpu.context));
+}
+
 static void begin(struct gr_device *d)
 {
-    note(d, gpu.cuCtxSetCurrent(gpu.context));
+    enter(d);
     if (!*d->failure) gr_each_block(bring); /* only for speed: memory follows its use in any case */
+}
+
+static void copy(struct gr_device *d, address to, const void *from, size_t bytes)
+{
+    if (!*d->failure && bytes) note(d, gpu.cuMemcpyHtoDAsync_v2(to, from, bytes, NULL));
 }
 
 /* The engine is copied for each launch: the processor changes it between them, and its pages are not to go to and fro. */
@@ -115,9 +126,13 @@ static void run(const struct gr_launch *launch, enum gr_device_stage stage, int6
     int64_t threads = n;
     void *arguments[] = {&there, &threads};
     const int64_t blocks = (n + BLOCK - 1) / BLOCK;
-    if (!n || *d->failure) return;
-    there.e = (struct gr_engine *)(uintptr_t)gpu.engine;
-    note(d, gpu.cuMemcpyHtoDAsync_v2(gpu.engine, launch->e, sizeof *launch->e, NULL));
+    const address engine = gpu.engine, work = engine + sizeof *launch->e;
+    if (!n) return;
+    there.e = (struct gr_engine *)(uintptr_t)engine;
+    there.work = (const void *)(uintptr_t)work;
+    enter(d);
+    copy(d, engine, launch->e, sizeof *launch->e);
+    copy(d, work, launch->work, launch->bytes);
     if (*d->failure) return;
     note(d, gpu.cuLaunchKernel(gpu.function[launch->e->config.single][stage], (unsigned)blocks, 1, 1, BLOCK, 1, 1, 0, NULL,
                                arguments, NULL));
@@ -125,6 +140,7 @@ static void run(const struct gr_launch *launch, enum gr_device_stage stage, int6
 
 static void wait(struct gr_device *d)
 {
+    enter(d);
     if (!*d->failure) note(d, gpu.cuCtxSynchronize());
 }
 
@@ -179,7 +195,7 @@ static int find_device(void)
     if (!managed) REFUSE("the GPU has no managed memory");
     if ((error = gpu.cuDevicePrimaryCtxRetain(&gpu.context, gpu.device)) || (error = gpu.cuCtxSetCurrent(gpu.context)) ||
         (error = gpu.cuCtxSetLimit(LIMIT_STACK, STACK)) ||
-        (error = gpu.cuMemAlloc_v2(&gpu.engine, sizeof(struct gr_engine))))
+        (error = gpu.cuMemAlloc_v2(&gpu.engine, sizeof(struct gr_engine) + GR_MOST_WORK)))
         return refuse_error("the GPU cannot be used", error);
     return 0;
 }

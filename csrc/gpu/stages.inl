@@ -196,6 +196,18 @@ static void thread_fastest(const struct gr_launch *launch, int64_t i)
     e->device->fastest[i] = largest;
 }
 
+/* ---- The passes of a regrouping ---- */
+
+#define GR_X(pass, item)                                                        \
+    static void thread_##pass(const struct gr_launch *launch, int64_t i)        \
+    {                                                                           \
+        int64_t first, last;                                                    \
+        gr_share(launch->items, i, launch->chunks, &first, &last);              \
+        gr_pass_##pass(launch->e, launch->work, first, last, i);                \
+    }
+GR_REGROUP_PASSES(GR_X)
+#undef GR_X
+
 static gr_thread *const threads[GR_STAGE_COUNT] = {
 #define GR_X(stage, unit) thread_##stage,
     GR_DEVICE_STAGES(GR_X)

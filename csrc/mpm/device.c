@@ -81,12 +81,40 @@ void gr_device_end(struct gr_engine *e) { e->device->team = NULL; }
 int gr_device_wait(struct gr_engine *e)
 {
     struct gr_device *d = e->device;
+    if (!d) return GR_OK;
     d->backend->wait(d);
     if (!*d->failure) return GR_OK;
     e->failure.code = GR_ERR_DEVICE;
     e->failure.id = -1;
     e->failure.step = e->clock.step;
     return GR_ERR_DEVICE;
+}
+
+/* ---- Passes ---- */
+
+/* A pass by a team. */
+struct shared_pass {
+    gr_pass *pass;
+    const struct gr_launch *launch;
+};
+
+static void do_chunk(void *context, int64_t chunk, int t)
+{
+    const struct shared_pass *shared = context;
+    const struct gr_launch *launch = shared->launch;
+    int64_t first, last;
+    (void)t;
+    gr_share(launch->items, chunk, launch->chunks, &first, &last);
+    shared->pass(launch->e, launch->work, first, last, chunk);
+}
+
+void gr_make_pass(struct gr_team *team, enum gr_device_stage stage, gr_pass *pass, const struct gr_launch *launch)
+{
+    struct shared_pass shared = {pass, launch};
+    if (launch->e->device)
+        gr_device_run(launch, stage, launch->chunks);
+    else
+        gr_team_run(team, do_chunk, &shared, launch->chunks);
 }
 
 /* ---- Points between cells ---- */

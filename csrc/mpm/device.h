@@ -9,8 +9,9 @@
 #include "core/memory.h"
 #include "core/team.h"
 #include "mpm/engine.h"
+#include "mpm/passes.h"
 
-/* X(stage, one of what its threads are): the stages of a step. */
+/* X(stage, one of what its threads are): the stages of a step, and the passes of a regrouping. */
 #define GR_DEVICE_STAGES(X)   \
     X(p2g, cell)              \
     X(p2g_dirty, cell)        \
@@ -30,7 +31,8 @@
     X(post, migrant)          \
     X(arrive, cell)           \
     X(tally, cell)            \
-    X(fastest, group)
+    X(fastest, group)         \
+    GR_REGROUP_PASSES(X)
 
 #define GR_X(stage, unit) GR_STAGE_##stage,
 enum gr_device_stage { GR_DEVICE_STAGES(GR_X) GR_STAGE_COUNT };
@@ -40,8 +42,13 @@ enum gr_device_stage { GR_DEVICE_STAGES(GR_X) GR_STAGE_COUNT };
 struct gr_launch {
     struct gr_engine *e;
     double gravity[3];
-    int pass; /* of XPIC */
+    int pass;         /* of XPIC */
+    const void *work; /* of a pass of a regrouping, GR_MOST_WORK bytes at most, which are copied for the launch */
+    size_t bytes;
+    int64_t items, chunks; /* of the pass: as many chunks as threads */
 };
+
+enum { GR_MOST_WORK = 512 };
 
 /* Thread number i of a stage. */
 typedef void gr_thread(const struct gr_launch *launch, int64_t i);
@@ -101,8 +108,26 @@ static inline void gr_device_run(const struct gr_launch *launch, enum gr_device_
     launch->e->device->backend->run(launch, stage, n);
 }
 
-/* Wait for all threads. Returned: 0 or GR_ERR_DEVICE, which then is the failure of the engine. */
+/* Wait for all threads. Returned: 0 or GR_ERR_DEVICE, which then is the failure of the engine; 0 without a device. */
 int gr_device_wait(struct gr_engine *e);
+
+/* Make a pass by a team, or by the device of the engine, which may go on after this returns. */
+void gr_make_pass(struct gr_team *team, enum gr_device_stage stage, gr_pass *pass, const struct gr_launch *launch);
+
+/* The chunks of a pass of n items that has something for each chunk. */
+static inline int64_t gr_pass_chunks(const struct gr_engine *e, int64_t n, int64_t of_team)
+{
+    return e->device ? (n + GR_GROUP - 1) / GR_GROUP : of_team;
+}
+
+/* Make a pass for n items, whose work w has the members e, team and chunks; and in so many chunks for a device, too. */
+#define GR_MAKE(pass, w, n) GR_MAKE_IN(pass, w, n, (w)->e->device ? (n) : (w)->chunks)
+#define GR_MAKE_IN(pass, w, n, in)                                                                                       \
+    do {                                                                                                                 \
+        _Static_assert(sizeof *(w) <= GR_MOST_WORK, "the work of a pass is copied");                                     \
+        const struct gr_launch of_pass = {.e = (w)->e, .work = (w), .bytes = sizeof *(w), .items = (n), .chunks = (in)}; \
+        gr_make_pass((w)->team, GR_STAGE_##pass, gr_pass_##pass, &of_pass);                                              \
+    } while (0)
 
 /* G2P, the law, packing of the points that leave their cells into the first list of the migration, and P2G of the others.
  * An error is the failure of the engine. */

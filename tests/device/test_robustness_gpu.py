@@ -29,6 +29,7 @@ FLAGS = [
 FLAGS += ["-DGR_ON_DEVICE", "-DGR_ONE_LANE", "-DGR_ISA=gpu", f"-I{ROOT}/csrc", f"-I{FOLDER}"]
 
 BEGIN = """
+    import os
     import sys
     import warnings
 
@@ -138,8 +139,10 @@ def test_a_gpu_that_is_lost_is_said_and_the_record_goes_on(driver, launches, tmp
     """The run ends in any stage of a step; a processor goes on from the last checkpoint."""
     script = f"""
         scene, path = gr.scenes.column_collapse(cell=0.05), {str(tmp_path / "run.h5")!r}
+        gpu = gr.Simulation(scene, device="gpu")
+        os.environ["FAKE_GPU"] = "lost"
         try:
-            gr.Simulation(scene, device="gpu").run(until=0.3, save=path, every=1e-3)
+            gpu.run(until=0.3, save=path, every=1e-3)
         except gr.SimulationError as error:
             print(error, error.step)
         sim = gr.Simulation.resume(path, threads=1)
@@ -148,10 +151,23 @@ def test_a_gpu_that_is_lost_is_said_and_the_record_goes_on(driver, launches, tmp
         alone.run(until=0.01, every=1e-3, save={str(tmp_path / "alone.h5")!r})
         print(bits(sim) == bits(alone))
     """
-    lines = said(driver, script, FAKE_GPU="lost", FAKE_LAUNCHES=launches).splitlines()
+    lines = said(driver, script, FAKE_LAUNCHES=launches).splitlines()
     assert "the device has failed in step" in lines[0]
     assert "it was lost (error 719 of the driver)" in lines[0]
     assert lines[1] == "True"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("launches", [0, 5, 20])
+def test_a_gpu_that_is_lost_at_first_is_said(driver, launches):
+    """The points are grouped when a simulation is made."""
+    script = """
+        try:
+            gr.Simulation(gr.scenes.column_collapse(cell=0.05), device="gpu")
+        except gr.SimulationError as error:
+            print(error)
+    """
+    assert "the device has failed" in said(driver, script, FAKE_GPU="lost", FAKE_LAUNCHES=launches)
 
 
 def test_without_a_driver_there_is_no_gpu():
