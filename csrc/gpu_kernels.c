@@ -8,11 +8,17 @@
 
 #ifndef GR_SINGLE
 #include "core/field.c"
+#include "mpm/addends.c"
+#include "mpm/connect.c"
+#include "mpm/fill_table.c"
 #include "mpm/grid.c"
 #include "mpm/packing.c"
 #include "mpm/regroup_passes.c"
 #include "mpm/smoothed_density.c"
+#include "mpm/solid_cells.c"
+#include "mpm/spread.c"
 #include "mpm/tally_cells.c"
+#include "mpm/tiles.c"
 
 /* What devices are refused for (gr_device_lacks): no thread comes here. */
 int gr_point_side(const struct gr_engine *e, const double x[3], int current)
@@ -27,9 +33,9 @@ int gr_nonlocal_material(const struct gr_config *config)
     __builtin_trap();
 }
 
-double gr_node_volume(const struct gr_engine *e, int64_t id)
+int gr_is_mixed(const struct gr_engine *e, const int32_t at[3])
 {
-    (void)e, (void)id;
+    (void)e, (void)at;
     __builtin_trap();
 }
 

@@ -15,6 +15,7 @@
 #include "mpm/cell_sums.h"
 #include "mpm/connect.h"
 #include "mpm/device.h"
+#include "mpm/fill_table.h"
 #include "mpm/ghosts.h"
 #include "mpm/listing.h"
 #include "mpm/sleep.h"
@@ -130,9 +131,9 @@ static int list_active(struct gr_regroup *r)
     struct gr_engine *e = r->e;
     int64_t *occupied = NULL, n = r->n_listed, here = 0;
     int error = e->ranks ? gr_ranks_list_occupied(e, r->listed, r->n_listed, &occupied, &n) : GR_OK;
-    if (!error &&
-        gr_spread(e, GR_SPREAD_CELLS, occupied ? occupied : r->listed, n, r->team, r->chunks, &r->cells, &r->n_active))
-        error = GR_ERR_MEMORY;
+    if (!error)
+        error =
+            gr_spread(e, GR_SPREAD_CELLS, occupied ? occupied : r->listed, n, r->team, r->chunks, &r->cells, &r->n_active);
     gr_free(occupied);
     if (!error && e->ranks) error = gr_ranks_reserve_sharing(e->ranks, (1 + (e->bodies.n_thin > 0)) * r->n_active);
     if (error || !e->ranks) return error;
@@ -175,10 +176,9 @@ static int list_cells(struct gr_regroup *r)
     int error = list_active(r);
     if (error) return error;
     if (e->bodies.n_thin && gr_split_cells(r)) return GR_ERR_MEMORY;
-    if (gr_make_tiles(&r->tiles, e, r->cells, r->sides, r->n_active) ||
-        gr_table_fill(&e->mesh.next_of, r->cells, r->tiles.lane, r->n_active, r->team, r->chunks))
-        return GR_ERR_MEMORY;
-    error = count_points(r);
+    error = gr_make_tiles(&r->tiles, e, r->cells, r->sides, r->n_active, r->team, r->chunks);
+    if (!error) error = gr_fill_table(e, &e->mesh.next_of, r->cells, r->tiles.lane, r->n_active, r->team, r->chunks);
+    if (!error) error = count_points(r);
     const int64_t used = r->total > e->points.used ? r->total : e->points.used;
     r->moves = (struct gr_moves){.e = e, .team = r->team, .chunks = r->chunks, .used = used};
     return error;
@@ -240,8 +240,7 @@ static void make_mesh(struct gr_regroup *r)
     mesh->n_cells = tiles->n_cells;
     mesh->n_front = tiles->n_front;
     mesh->n_tiles = gr_number_of_tiles(tiles);
-    memcpy(mesh->tile_joins, tiles->joins, (size_t)mesh->n_tiles);
-    memcpy(mesh->tile_block, tiles->block, sizeof *tiles->block * (size_t)(mesh->n_tiles + 1));
+    mesh->tile_block[mesh->n_tiles] = tiles->block[mesh->n_tiles];
     gr_note_size(r->e, tiles->block[mesh->n_tiles], r->total);
     GR_MAKE(clear_sums, r, tiles->block[mesh->n_tiles]);
     GR_MAKE(place_cells, r, mesh->n_tiles * GR_LANES);

@@ -1,8 +1,8 @@
 /* Passes of a regrouping: work on n items, each of which can be done by itself. A team divides the items into chunks; a device
  * has a thread for each item, or for each of more chunks than a team has (device.h).
  *
- * A pass has a list of its own in GR_REGROUP_PASSES and a body behind GR_DEFINE_PASS, in a file that is compiled for devices, too. All that it
- * writes is in arrays of the memory of the engine. */
+ * A pass has a line in GR_REGROUP_PASSES, and a body behind GR_DEFINE_PASS in a file that is compiled for devices, too
+ * (gpu_kernels.c). What it writes are arrays of the memory of the engine, never members of it. */
 #pragma once
 
 #include "core/team.h"
@@ -10,18 +10,35 @@
 struct gr_engine;
 
 /* X(pass, one of its items) */
-#define GR_REGROUP_PASSES(X) \
-    X(find_occupied, cell)   \
-    X(list_occupied, cell)   \
-    X(merge_occupied, cell)  \
-    X(count_points, cell)    \
-    X(size_tiles, tile)      \
-    X(clear_moves, slot)     \
-    X(find_moves, cell)      \
-    X(move_column, slot)     \
-    X(place_cells, cell)     \
-    X(clear_sums, number)    \
-    X(center_spare, cell)
+#define GR_REGROUP_PASSES(X)  \
+    X(find_occupied, cell)    \
+    X(list_occupied, cell)    \
+    X(merge_occupied, cell)   \
+    X(count_given_rows, cell) \
+    X(list_given_rows, cell)  \
+    X(set_bits, row)          \
+    X(read_bits, row)         \
+    X(find_runs, tile)        \
+    X(forget_blocks, block)   \
+    X(count_blocks, entry)    \
+    X(fill_blocks, entry)     \
+    X(count_points, cell)     \
+    X(size_tiles, tile)       \
+    X(clear_moves, slot)      \
+    X(find_moves, cell)       \
+    X(clear_sums, number)     \
+    X(place_cells, cell)      \
+    X(move_column, slot)      \
+    X(center_spare, cell)     \
+    X(clear_nodes, node)      \
+    X(describe_nodes, node)   \
+    X(connect_cells, cell)    \
+    X(find_orders, tile)      \
+    X(list_lane_nodes, cell)  \
+    X(count_lines, node)      \
+    X(list_lines, node)       \
+    X(list_addends, row)      \
+    X(find_about, node)
 
 /* Do the items [first, last), which are chunk number `chunk`. For a device `work` is copied, without what it points to. */
 typedef void gr_pass(struct gr_engine *e, const void *work, int64_t first, int64_t last, int64_t chunk);

@@ -107,7 +107,7 @@ GR_DEFINE_PASS(size_tiles, struct gr_regroup, r)
     }
 }
 
-/* Set up the cells of the new tiles. The last tile is filled up with cells that lie where its last does. */
+/* Set up the new tiles and their cells. The last tile is filled up with cells that lie where its last does. */
 GR_DEFINE_PASS(place_cells, struct gr_regroup, r)
 {
     const struct gr_tiles *tiles = &r->tiles;
@@ -122,7 +122,10 @@ GR_DEFINE_PASS(place_cells, struct gr_regroup, r)
         cell->side = tiles->side && source == c ? tiles->side[c] : 0;
         gr_indices_of_cell(e, tiles->cell[source], cell->at);
         cell->flags = gr_map_get(&e->config.cell_flags, cell->at);
-        if (c % GR_LANES == 0) e->mesh.tile_changed[tile] = 0;
+        if (c % GR_LANES) continue;
+        e->mesh.tile_changed[tile] = 0;
+        e->mesh.tile_joins[tile] = tiles->joins[tile];
+        e->mesh.tile_block[tile] = tiles->block[tile];
     }
 }
 

@@ -7,6 +7,7 @@
 #define M_SQRT1_2 0.70710678118654752440
 #define fabs __builtin_fabs
 #define sqrt __builtin_sqrt
+#define floor __builtin_floor
 #define isfinite(x) __builtin_isfinite(x)
 
 /* As the functions of a processor, to the sign of zero. */
