@@ -14,6 +14,14 @@ struct named {
         e->member, #member \
     }
 
+/* The name of the first of n arrays that is not of the memory of a device; NULL if all are. */
+static const char *foreign_of(const struct named *arrays, size_t n)
+{
+    for (size_t k = 0; k < n; k++)
+        if (arrays[k].array && !gr_in_block(arrays[k].array)) return arrays[k].name;
+    return NULL;
+}
+
 const char *gr_foreign_array(const struct gr_engine *e)
 {
     const struct named arrays[] = {GR_NAMED(points.id),
@@ -37,6 +45,13 @@ const char *gr_foreign_array(const struct gr_engine *e)
                                    GR_NAMED(mesh.node_id),
                                    GR_NAMED(mesh.cell_of.block_of),
                                    GR_NAMED(mesh.cell_of.value),
+                                   GR_NAMED(mesh.cell_of.used),
+                                   GR_NAMED(mesh.next_of.block_of),
+                                   GR_NAMED(mesh.next_of.value),
+                                   GR_NAMED(mesh.next_of.used),
+                                   GR_NAMED(mesh.node_of.block_of),
+                                   GR_NAMED(mesh.node_of.value),
+                                   GR_NAMED(mesh.node_of.used),
                                    GR_NAMED(sums.data),
                                    GR_NAMED(sums.average),
                                    GR_NAMED(sums.dirty),
@@ -51,6 +66,7 @@ const char *gr_foreign_array(const struct gr_engine *e)
                                    GR_NAMED(migration.leaving),
                                    GR_NAMED(config.walls),
                                    GR_NAMED(config.cell_flags.value),
+                                   GR_NAMED(config.node_codes.value),
                                    GR_NAMED(watch),
                                    GR_NAMED(tally.cell),
                                    GR_NAMED(device),
@@ -60,11 +76,20 @@ const char *gr_foreign_array(const struct gr_engine *e)
                                    GR_NAMED(device->arrivals),
                                    GR_NAMED(device->next),
                                    GR_NAMED(device->fastest)};
-    for (size_t k = 0; k < sizeof arrays / sizeof *arrays; k++)
-        if (arrays[k].array && !gr_in_block(arrays[k].array)) return arrays[k].name;
+    const char *const foreign = foreign_of(arrays, sizeof arrays / sizeof *arrays);
+    if (foreign) return foreign;
     for (int d = 0; d < e->config.dim; d++) {
-        if (!gr_in_block(e->axis[d].cell)) return "axis.cell";
-        if (e->config.cell_flags.class_of[d] && !gr_in_block(e->config.cell_flags.class_of[d])) return "config.cell_flags";
+        const struct gr_axis *axis = &e->axis[d];
+        const struct named of_axis[] = {{axis->cell, "axis.cell"},
+                                        {axis->node_number, "axis.node_number"},
+                                        {axis->node_position, "axis.node_position"},
+                                        {axis->node_integral, "axis.node_integral"},
+                                        {axis->node_radius, "axis.node_radius"},
+                                        {e->cells_of_node[d], "cells_of_node"},
+                                        {e->config.cell_flags.class_of[d], "config.cell_flags"},
+                                        {e->config.node_codes.class_of[d], "config.node_codes"}};
+        const char *const other = foreign_of(of_axis, sizeof of_axis / sizeof *of_axis);
+        if (other) return other;
     }
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         if (e->points.field[f] && !gr_in_block(e->points.field[f])) return gr_field_table[f].name;

@@ -82,8 +82,10 @@ static void drop_managed(void *block)
     if (!gpu.cuCtxSetCurrent(gpu.context)) (void)gpu.cuMemFree_v2((address)(uintptr_t)block);
 }
 
-static void *take(size_t bytes) { return gr_take_block(take_managed, bytes); }
-static void give(void *block) { gr_give_block(drop_managed, block); }
+static const struct gr_pool pool = {take_managed, drop_managed};
+
+static void *take(size_t bytes) { return gr_take_block(&pool, bytes); }
+static void give(void *block) { gr_give_block(&pool, block); }
 
 /* ---- Launches ---- */
 

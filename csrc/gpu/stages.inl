@@ -196,6 +196,14 @@ static void thread_fastest(const struct gr_launch *launch, int64_t i)
     e->device->fastest[i] = largest;
 }
 
+static void thread_occupied(const struct gr_launch *launch, int64_t i)
+{
+    const struct gr_mesh *mesh = &launch->e->mesh;
+    int64_t occupied = 0;
+    for (int64_t c = i * GR_GROUP; c < mesh->n_cells && c < (i + 1) * GR_GROUP; c++) occupied += mesh->cell[c].count > 0;
+    launch->e->device->of_group[i] = occupied;
+}
+
 /* ---- The passes of a regrouping ---- */
 
 #define GR_X(pass, item)                                                        \

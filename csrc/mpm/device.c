@@ -166,3 +166,14 @@ double gr_device_fastest(const struct gr_engine *e)
     for (int64_t g = 0; g < groups; g++) square = fmax(square, e->device->fastest[g]);
     return square;
 }
+
+int64_t gr_device_occupied(const struct gr_engine *e)
+{
+    const struct gr_launch launch = {.e = (struct gr_engine *)e};
+    const int64_t groups = groups_of(lanes_of(e));
+    int64_t occupied = 0;
+    gr_device_run(&launch, GR_STAGE_occupied, groups);
+    if (gr_device_wait(launch.e)) return e->mesh.n_cells;
+    for (int64_t g = 0; g < groups; g++) occupied += e->device->of_group[g];
+    return occupied;
+}

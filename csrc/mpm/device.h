@@ -32,6 +32,7 @@
     X(arrive, cell)           \
     X(tally, cell)            \
     X(fastest, group)         \
+    X(occupied, group)        \
     GR_REGROUP_PASSES(X)
 
 #define GR_X(stage, unit) GR_STAGE_##stage,
@@ -82,7 +83,7 @@ struct gr_device {
     int32_t *leaving;              /* per cell: points that leave it in this step */
     uint8_t *leaves;               /* per slot: 1 if its point does */
     int64_t *place[3];             /* of the first migrant of a cell: in its group; of the group; of the group of groups */
-    int64_t *of_group, *of_groups; /* migrants of a group of cells, and of a group of these */
+    int64_t *of_group, *of_groups; /* migrants of a group of cells, or its cells with points; migrants of a group of these */
     int64_t *arrivals, *next; /* per cell: 1 + a migrant that comes to it; per migrant: the same for the next one, 0: none */
     double *fastest;          /* per group of cells: square of the largest speed, m2/s2 */
     struct gr_device_counts counts;
@@ -143,6 +144,9 @@ int gr_device_tally(struct gr_engine *e);
 
 /* Square of the largest speed of the points, m2/s2; 0 after a failure. */
 double gr_device_fastest(const struct gr_engine *e);
+
+/* Number of the cells that hold points; all after a failure, which is that of the engine. */
+int64_t gr_device_occupied(const struct gr_engine *e);
 
 /* The name of an array of an engine that the threads of a device read or write, and that is not of the memory of a device;
  * NULL if all are. */

@@ -151,7 +151,7 @@ static int list_active(struct gr_regroup *r)
 static int count_points(struct gr_regroup *r)
 {
     const int64_t n = r->tiles.n_cells, n_tiles = gr_number_of_tiles(&r->tiles);
-    r->counts = gr_calloc((size_t)n + 1, sizeof *r->counts);
+    r->counts = r->list ? gr_calloc((size_t)n + 1, sizeof *r->counts) : gr_malloc(((size_t)n + 1) * sizeof *r->counts);
     r->offset = gr_malloc(sizeof *r->offset * (size_t)(n_tiles + 1));
     if (!r->list) r->before = gr_malloc(sizeof *r->before * (size_t)(n + 1));
     if (!r->counts || !r->offset || !(r->list || r->before)) return GR_ERR_MEMORY;
@@ -297,6 +297,7 @@ int gr_has_emptied(const struct gr_engine *e)
 {
     int64_t occupied = 0;
     if (e->clock.step % EMPTIED_INTERVAL) return 0;
+    if (e->device) return 4 * gr_device_occupied(e) < 3 * e->mesh.n_occupied;
     for (int64_t c = 0; c < e->mesh.n_cells; c++) occupied += e->mesh.cell[c].count > 0;
     return 4 * occupied < 3 * e->mesh.n_occupied;
 }
