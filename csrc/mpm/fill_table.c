@@ -81,7 +81,7 @@ int gr_fill_table(struct gr_engine *e, struct gr_table *t, const int64_t *index,
     f.t = *t;
     GR_MAKE_IN(fill_blocks, &f, n, pieces);
     error = gr_device_wait(e);
-    t->n_blocks = blocks;
+    if (!error) t->n_blocks = blocks;
 out:
     gr_free(f.blocks);
     return error;

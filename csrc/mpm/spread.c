@@ -241,7 +241,7 @@ int gr_spread(struct gr_engine *e, enum gr_spread what, const int64_t *cells, in
     if (error) goto out;
     GR_MAKE(read_bits, &s, s.n_rows);
     error = gr_device_wait(e);
-    *out = s.out;
+    if (!error) *out = s.out;
 out:
     if (error) gr_free(s.out);
     gr_free(s.rows_of);

@@ -81,8 +81,12 @@ def said(driver, script, **faults):
 
 @pytest.mark.slow
 def test_a_gpu_has_the_bits_of_a_processor(driver):
-    """Both precisions, planes and rings, cell averages, XPIC, an inflow, and a restart."""
+    """Both precisions, planes and rings, cell averages, XPIC, an inflow, a restart, groupings."""
     script = """
+        def slots(sim):
+            sim._engine.regroup()
+            return {name: array.tobytes() for name, array in sim.buffers.items()}
+
         def check(name, numbers, steps=80, **scheme):
             scene = gr.scenes.registry[name](**numbers)
             scene = scene.replace(scheme=scene.scheme.replace(**scheme))
@@ -93,6 +97,10 @@ def test_a_gpu_has_the_bits_of_a_processor(driver):
             point = gpu.checkpoint()
             gpu = gr.Simulation.from_checkpoint(scene, point, device="gpu")
             gpu.step(steps - steps // 2)
+            assert bits(one) == bits(gpu)
+            assert slots(one) == slots(gpu)
+            one.step(5)
+            gpu.step(5)
             assert gpu._engine.foreign_array() is None
             print(name, bits(one) == bits(gpu))
 
@@ -158,16 +166,22 @@ def test_a_gpu_that_is_lost_is_said_and_the_record_goes_on(driver, launches, tmp
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("launches", [0, 5, 20])
-def test_a_gpu_that_is_lost_at_first_is_said(driver, launches):
-    """The points are grouped when a simulation is made."""
-    script = """
+@pytest.mark.parametrize("first", [True, False])
+@pytest.mark.parametrize("launches", [0, 3, 8, 13, 20, 40, 60])
+def test_a_gpu_that_is_lost_while_points_are_grouped_is_said(driver, launches, first):
+    """They are grouped when a simulation is made, too."""
+    script = f"""
         try:
-            gr.Simulation(gr.scenes.column_collapse(cell=0.05), device="gpu")
+            if {first}:
+                os.environ["FAKE_GPU"] = "lost"
+            sim = gr.Simulation(gr.scenes.column_collapse(cell=0.05), device="gpu")
+            os.environ["FAKE_GPU"] = "lost"
+            sim._engine.regroup()
+            sim.step()
         except gr.SimulationError as error:
             print(error)
     """
-    assert "the device has failed" in said(driver, script, FAKE_GPU="lost", FAKE_LAUNCHES=launches)
+    assert "the device has failed" in said(driver, script, FAKE_LAUNCHES=launches)
 
 
 def test_without_a_driver_there_is_no_gpu():
