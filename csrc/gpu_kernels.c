@@ -13,6 +13,7 @@
 #include "mpm/fill_table.c"
 #include "mpm/grid.c"
 #include "mpm/packing.c"
+#include "mpm/places.c"
 #include "mpm/regroup_passes.c"
 #include "mpm/smoothed_density.c"
 #include "mpm/solid_cells.c"

@@ -16,7 +16,8 @@ struct gr_pool {
 };
 
 /* Take a block, and give it back. Threads may call both at once. Blocks that are given back are kept for others of much the
- * same size, as a device takes and frees memory slowly: a quarter of what is in use at most, so that none remains at the end. */
+ * same size, as a device takes and frees memory slowly: a quarter of what is in use at most, so that none remains at the
+ * end. */
 void *gr_take_block(const struct gr_pool *pool, size_t bytes);
 void gr_give_block(const struct gr_pool *pool, void *block);
 

@@ -4,6 +4,7 @@
 #include "core/memory.h"
 #include "mpm/cell_sums.h"
 #include "mpm/device.h"
+#include "mpm/places.h"
 
 /* A row of active nodes along the first axis, and the number of addends of each row of the nodes of cells to them; then where
  * these begin. */
@@ -236,13 +237,8 @@ static int find_lines(struct listing *l)
     l->lines_of = gr_malloc(sizeof *l->lines_of * (size_t)(pieces + 1));
     if (!l->lines_of) return GR_ERR_MEMORY;
     GR_MAKE_IN(count_lines, l, e->mesh.n_nodes, pieces);
-    const int error = gr_device_wait(e);
+    const int error = gr_make_places(e, l->lines_of, pieces, &l->n_lines);
     if (error) return error;
-    for (int64_t c = 0; c < pieces; c++) {
-        const int64_t lines = l->lines_of[c];
-        l->lines_of[c] = l->n_lines;
-        l->n_lines += lines;
-    }
     l->line = gr_malloc(sizeof *l->line * (size_t)(l->n_lines + 1));
     if (!l->line) return GR_ERR_MEMORY;
     GR_MAKE_IN(list_lines, l, e->mesh.n_nodes, pieces);

@@ -8,6 +8,7 @@
 #include "mpm/addends.h"
 #include "mpm/device.h"
 #include "mpm/fill_table.h"
+#include "mpm/places.h"
 #include "mpm/solid_cells.h"
 #include "mpm/spread.h"
 #include "mpm/wall_impulse.h"
@@ -205,10 +206,14 @@ GR_DEFINE_PASS(connect_cells, struct connect, q)
     }
 }
 
+/* Find the order of the nodes of tiles, and how many of them the lanes have by themselves. */
 GR_DEFINE_PASS(find_orders, struct connect, q)
 {
     (void)q;
-    for (int64_t tile = first; tile < last; tile++) e->mesh.tile_in_order[tile] = find_order(e, tile);
+    for (int64_t tile = first; tile < last; tile++) {
+        const uint32_t order = e->mesh.tile_in_order[tile] = find_order(e, tile);
+        e->mesh.tile_nodes[tile] = order == GR_IN_ROW ? 0 : e->K * GR_LANES;
+    }
 }
 
 /* List the nodes of the lanes of tiles in which they are not in a row. */
@@ -318,18 +323,15 @@ static void describe_none(struct gr_engine *e)
 }
 
 /* Give the nodes of the lanes of tiles in which they are not in a row their places. */
-static int place_lane_nodes(struct gr_mesh *mesh, int K)
+static int place_lane_nodes(struct gr_engine *e)
 {
+    struct gr_mesh *mesh = &e->mesh;
     int64_t n = 0;
-    for (int64_t tile = 0; tile < mesh->n_tiles; tile++) {
-        mesh->tile_nodes[tile] = n;
-        if (mesh->tile_in_order[tile] != GR_IN_ROW) n += K * GR_LANES;
-    }
-    if (n > mesh->lane_node_capacity) {
-        mesh->lane_node_capacity = 0;
-        GR_RESIZE(mesh->lane_node, n + n / 2);
-        mesh->lane_node_capacity = n + n / 2;
-    }
+    const int error = gr_make_places(e, mesh->tile_nodes, mesh->n_tiles, &n);
+    if (error || n <= mesh->lane_node_capacity) return error;
+    mesh->lane_node_capacity = 0;
+    GR_RESIZE(mesh->lane_node, n + n / 2);
+    mesh->lane_node_capacity = n + n / 2;
     return GR_OK;
 }
 
@@ -340,10 +342,11 @@ static int connect_tiles(struct connect *q)
     const int64_t lanes = e->mesh.n_tiles * GR_LANES;
     GR_MAKE(connect_cells, q, lanes);
     GR_MAKE(find_orders, q, e->mesh.n_tiles);
-    const int error = gr_device_wait(e);
+    int error = gr_device_wait(e);
     if (error) return error;
     if (q->tiles.side) pair_nodes(q);
-    if (place_lane_nodes(&e->mesh, e->K)) return GR_ERR_MEMORY;
+    error = place_lane_nodes(e);
+    if (error) return error;
     GR_MAKE(list_lane_nodes, q, lanes);
     return gr_device_wait(e);
 }

@@ -3,6 +3,7 @@
 
 #include "core/memory.h"
 #include "mpm/device.h"
+#include "mpm/places.h"
 
 /* Entries to be set. Chunks begin where a block does, so that each block belongs to one of them. */
 struct fill {
@@ -70,12 +71,7 @@ int gr_fill_table(struct gr_engine *e, struct gr_table *t, const int64_t *index,
     if (!f.blocks) error = GR_ERR_MEMORY;
     if (error) goto out;
     GR_MAKE_IN(count_blocks, &f, n, pieces);
-    error = gr_device_wait(e);
-    for (int64_t c = 0; c < pieces && !error; c++) {
-        const int64_t count = f.blocks[c];
-        f.blocks[c] = blocks;
-        blocks += count;
-    }
+    error = gr_make_places(e, f.blocks, pieces, &blocks);
     if (!error) error = gr_table_reserve(t, blocks);
     if (error) goto out;
     f.t = *t;

@@ -18,6 +18,7 @@
 #include "mpm/fill_table.h"
 #include "mpm/ghosts.h"
 #include "mpm/listing.h"
+#include "mpm/places.h"
 #include "mpm/sleep.h"
 #include "mpm/slots.h"
 #include "mpm/spread.h"
@@ -160,12 +161,8 @@ static int count_points(struct gr_regroup *r)
     else
         GR_MAKE(count_points, r, n);
     GR_MAKE(size_tiles, r, n_tiles);
-    const int error = gr_device_wait(r->e);
-    for (int64_t tile = 0; tile <= n_tiles && !error; tile++) {
-        const int64_t slots = r->offset[tile];
-        r->offset[tile] = r->total;
-        if (tile < n_tiles) r->total += slots;
-    }
+    const int error = gr_make_places(r->e, r->offset, n_tiles, &r->total);
+    r->offset[n_tiles] = r->total;
     return error;
 }
 

@@ -1,5 +1,5 @@
-/* The points listed one by one, in any order: those in cells, in their order, then the pending ones. A team does it. The points
- * of a new cell are in the order of this list. */
+/* The points listed one by one, in any order: those in cells, in their order, then the pending ones. A team does it. The
+ * points of a new cell are in the order of this list. */
 #pragma once
 
 #include "mpm/regroup.h"

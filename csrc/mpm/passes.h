@@ -24,6 +24,8 @@ struct gr_engine;
     X(fill_blocks, entry)     \
     X(count_points, cell)     \
     X(size_tiles, tile)       \
+    X(sum_numbers, number)    \
+    X(place_numbers, number)  \
     X(clear_moves, slot)      \
     X(find_moves, cell)       \
     X(clear_sums, number)     \

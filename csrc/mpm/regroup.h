@@ -1,8 +1,8 @@
 /* A regrouping under way (grouping.c), between the old order of the points and the new.
  *
- * As a rule the points are in their cells, to which each step brings them. Then cells are grouped, not points: those of an old
- * cell go to the new cell of the same index, and behind them the pending ones. At first, where the positions have been replaced,
- * with thin bodies and with ranks the points are listed one by one (listing.h); the new order is the same. */
+ * As a rule the points are in their cells, to which each step brings them. Then cells are grouped, not points: those of an
+ * old cell go to the new cell of the same index, and behind them the pending ones. At first, where the positions have been
+ * replaced, with thin bodies and with ranks the points are listed one by one (listing.h); the new order is the same. */
 #pragma once
 
 #include "mpm/slots.h"

@@ -7,6 +7,7 @@
 
 #include "core/memory.h"
 #include "mpm/device.h"
+#include "mpm/places.h"
 
 enum { WORD = 64 };
 
@@ -121,12 +122,7 @@ static int find_given(struct spread *s, int64_t n)
     s->rows_of = gr_malloc(sizeof *s->rows_of * (size_t)(pieces + 1));
     if (!s->rows_of) return GR_ERR_MEMORY;
     GR_MAKE_IN(count_given_rows, s, n, pieces);
-    int error = gr_device_wait(s->e);
-    for (int64_t c = 0; c < pieces && !error; c++) {
-        const int64_t rows = s->rows_of[c];
-        s->rows_of[c] = s->n_given;
-        s->n_given += rows;
-    }
+    int error = gr_make_places(s->e, s->rows_of, pieces, &s->n_given);
     s->given = gr_malloc(sizeof *s->given * (size_t)(s->n_given + 1));
     if (!s->given) return GR_ERR_MEMORY;
     if (!error) GR_MAKE_IN(list_given_rows, s, n, pieces);

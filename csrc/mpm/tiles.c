@@ -4,6 +4,7 @@
 
 #include "mpm/cell_sums.h"
 #include "mpm/device.h"
+#include "mpm/places.h"
 #include "mpm/ranks.h"
 
 /* Tiles whose runs are to be found. */
@@ -94,12 +95,8 @@ int gr_make_tiles(struct gr_tiles *tiles, struct gr_engine *e, const int64_t *ce
     for (int64_t c = 0; e->ranks && sides && c < n; c++) e->ranks->sharing[c] = (uint8_t)gr_sharing_of(e, tiles->cell[c]);
     runs.tiles = *tiles;
     GR_MAKE(find_runs, &runs, n_tiles);
-    const int error = gr_device_wait(e);
-    for (int64_t tile = 0; tile <= n_tiles && !error; tile++) {
-        const int64_t numbers = tiles->block[tile];
-        tiles->block[tile] = at;
-        if (tile < n_tiles) at += numbers;
-    }
+    const int error = gr_make_places(e, tiles->block, n_tiles, &at);
+    tiles->block[n_tiles] = at;
     return error;
 }
 
