@@ -10,13 +10,19 @@
 #include "core/exact.c"
 #include "core/field.c"
 #include "fluidity/links.c"
+#include "mpm/addends.c"
+#include "mpm/connect.c"
+#include "mpm/fill_table.c"
 #include "mpm/grid.c"
 #include "mpm/packing.c"
+#include "mpm/places.c"
+#include "mpm/regroup_passes.c"
 #include "mpm/sides.c"
 #include "mpm/smoothed_density.c"
 #include "mpm/solid_cells.c"
+#include "mpm/spread.c"
 #include "mpm/tally_cells.c"
-
+#include "mpm/tiles.c"
 #endif
 
 #ifdef GR_SINGLE

@@ -4,8 +4,6 @@
 
 #include <stdint.h>
 
-#include "core/team.h"
-
 enum { GR_BLOCK = 32 };
 
 struct gr_table {
@@ -16,15 +14,12 @@ struct gr_table {
 };
 
 /* Make a table of n zeros.
- * Returned: 0 or GR_ERR_MEMORY; the same holds for the next function. */
+ * Returned: 0 or GR_ERR_MEMORY; the same holds for the next two functions. */
 int gr_table_new(struct gr_table *t, int64_t n);
 int gr_table_set(struct gr_table *t, int64_t i, int32_t value);
 
-/* Set the entries index[k] to number[k] + 1, or to k + 1 if `number` is NULL; of equal ones to the first; and all others to
- * 0. The indices ascend. The work is divided into chunks for a team.
- * Returned: 0, or GR_ERR_MEMORY, and all entries are 0. */
-int gr_table_fill(struct gr_table *t, const int64_t *index, const int32_t *number, int64_t n, struct gr_team *team,
-                  int64_t chunks);
+/* Reserve memory for n blocks. */
+int gr_table_reserve(struct gr_table *t, int64_t n);
 
 /* Set all entries to zero. The memory of the blocks is retained, so that setting entries where some were set before cannot
  * fail. */

@@ -41,14 +41,14 @@ static void lend_space(struct gr_engine *e, int k, int64_t points)
 void gr_share_tiles(struct gr_run *run)
 {
     struct gr_engine *e = run->e;
-    const int64_t n_tiles = e->mesh.n_tiles;
     const int chunks = run->n_chunks;
+    const int64_t n_tiles = e->mesh.n_tiles, divided = chunks > 1 ? n_tiles : 0; /* a device does not divide them */
     int64_t all = 0, places = 0;
     int k = 1;
-    for (int64_t tile = 0; tile < n_tiles; tile++) all += GR_LANES * e->mesh.cell[tile * GR_LANES].capacity;
+    for (int64_t tile = 0; tile < divided; tile++) all += GR_LANES * e->mesh.cell[tile * GR_LANES].capacity;
     e->migration.cut[0] = 0;
     lend_space(e, 0, 0);
-    for (int64_t tile = 0; tile < n_tiles; tile++) {
+    for (int64_t tile = 0; tile < divided; tile++) {
         const struct gr_cell *cell = &e->mesh.cell[tile * GR_LANES];
         places += GR_LANES * cell->capacity;
         for (; k < chunks && places * chunks >= all * k; k++) {

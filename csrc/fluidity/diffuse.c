@@ -17,7 +17,7 @@
 #include "fluidity/pass.h"
 
 struct steps {
-    struct gr_pass w;
+    struct gr_diffusion_work w;
     struct gr_team *team;
     gr_chunk_work *const *work; /* of the passes */
     const struct gr_diffusion_device *device;
@@ -115,7 +115,7 @@ static struct gr_stage stage_of(int j, int stages, double k)
 
 static int rkl2_step(struct steps *s, double dt)
 {
-    struct gr_pass *w = &s->w;
+    struct gr_diffusion_work *w = &s->w;
     const int stages = gr_fluidity_stages(w->f, dt);
     w->in = w->work[0], w->out = w->work[1];
     for (int j = 1; j <= stages; j++) {
@@ -132,7 +132,7 @@ static int rkl2_step(struct steps *s, double dt)
 
 static void extrapolate(void *context, int64_t chunk, int t)
 {
-    const struct gr_pass *w = context;
+    const struct gr_diffusion_work *w = context;
     (void)t;
     gr_fluidity_extrapolate(w->f, chunk, w->g);
 }

@@ -200,7 +200,7 @@ struct gr_stage {
 };
 
 /* What a pass is given. */
-struct gr_pass {
+struct gr_diffusion_work {
     struct gr_fluidity *f;
     enum gr_diffusion_pass which;
     double k;            /* dt A^2 d^2/(t0 dx^2) */
@@ -209,7 +209,7 @@ struct gr_pass {
     struct gr_stage stage;
 };
 
-/* The passes for grids whose cells have 2, 3, 4 or 13 links: work on a chunk of cells, whose context is a gr_pass. */
+/* The passes for grids whose cells have 2, 3, 4 or 13 links: work on a chunk of cells, whose context is a gr_diffusion_work. */
 struct gr_passes {
     gr_chunk_work *of[4][GR_PASS_COUNT];
 };
@@ -217,8 +217,9 @@ struct gr_passes {
 /* A device, which makes passes in place of a team. */
 struct gr_diffusion_device {
     void *context;
-    void (*pass)(void *context, const struct gr_pass *); /* with the end of the pass (gr_end_pass); may go on then */
-    int (*wait)(void *context);                          /* Returned: not 0 if the device has failed */
+    void (*pass)(void *context,
+                 const struct gr_diffusion_work *); /* with the end of the pass (gr_end_pass); may go on then */
+    int (*wait)(void *context);                     /* Returned: not 0 if the device has failed */
 };
 
 /* diffuse.c: make the steps of a call, as the leader of a team. Call gr_fluidity_check first. `device` is NULL if processors

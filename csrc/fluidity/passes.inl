@@ -104,7 +104,7 @@ GR_INLINE vd outflow(const int links, const struct gr_fluidity *f, int64_t i, co
 }
 
 /* Y_j of a block over Y_j-2, from Y_j-1 in `in`. L Y_0 is in work[2]. */
-GR_INLINE void stage_of_cells(const int links, const struct gr_pass *w, int64_t i)
+GR_INLINE void stage_of_cells(const int links, const struct gr_diffusion_work *w, int64_t i)
 {
     const struct gr_stage *stage = &w->stage;
     vd sum = v_fma(v_set(1 - stage->mu - stage->nu), v_load(w->g + i), v_set(stage->nu) * v_load(w->out + i));
@@ -124,7 +124,7 @@ GR_INLINE int clamp(double *g, int64_t i)
 
 /* The first part of a pass for a block of cells: explicit: out = g - k L g. first_residual: r = -k L g, the residual of g
  * itself. multiply: q = (1 + k L) p. descend: g += alpha p, r -= alpha q. turn: p = r + beta p. first_stage: L Y_0. */
-GR_INLINE void begin_cells(const int pass, const int links, const struct gr_pass *w, int64_t i)
+GR_INLINE void begin_cells(const int pass, const int links, const struct gr_diffusion_work *w, int64_t i)
 {
     const struct gr_fluidity *f = w->f;
     double *r = w->work[0], *p = w->work[1], *q = w->work[2];
@@ -157,7 +157,7 @@ GR_INLINE double add_links(const struct gr_fluidity *f, int64_t chunk, double sc
 }
 
 /* The same for a pass: the second part. */
-GR_INLINE double add_wraps(const int pass, const struct gr_pass *w, int64_t chunk)
+GR_INLINE double add_wraps(const int pass, const struct gr_diffusion_work *w, int64_t chunk)
 {
     const struct gr_fluidity *f = w->f;
     if (pass == GR_PASS_explicit) return add_links(f, chunk, -w->k, w->g, w->out);
@@ -169,7 +169,7 @@ GR_INLINE double add_wraps(const int pass, const struct gr_pass *w, int64_t chun
 
 /* The third part of a pass: negative values become zero; p = r; Y_1 to `in`, and Y_0 takes the place of Y_j-2 for j = 2.
  * Returned: the number of values that were negative. */
-GR_INLINE int end_cells(const int pass, const struct gr_pass *w, int64_t i)
+GR_INLINE int end_cells(const int pass, const struct gr_diffusion_work *w, int64_t i)
 {
     if (pass == GR_PASS_explicit || pass == GR_PASS_clamp) return clamp(w->out, i);
     if (pass == GR_PASS_first_residual) v_store(w->work[1] + i, v_load(w->work[0] + i));
@@ -182,7 +182,7 @@ GR_INLINE int end_cells(const int pass, const struct gr_pass *w, int64_t i)
 
 /* Add the products of a block of cells to the sums of a pass: r.r, and g.g at first; p.q. They are weighted by the radii of
  * cells in an axisymmetric plane, where the matrix is symmetric in such products. */
-GR_INLINE void add_products(const int pass, const struct gr_pass *w, int64_t i, vd sum[2])
+GR_INLINE void add_products(const int pass, const struct gr_diffusion_work *w, int64_t i, vd sum[2])
 {
     const struct gr_fluidity *f = w->f;
     const vd weight = f->axisymmetric ? v_load(f->space.radius + i) : v_set(1.0), r = v_load(w->work[0] + i);
@@ -216,9 +216,9 @@ GR_INLINE void store_sums(const int pass, const struct gr_fluidity *f, int64_t c
 }
 
 /* A pass over the cells of a chunk. */
-GR_INLINE void pass_chunk(const int pass, const int links, const struct gr_pass *given, int64_t c)
+GR_INLINE void pass_chunk(const int pass, const int links, const struct gr_diffusion_work *given, int64_t c)
 {
-    const struct gr_pass copy = *given, *const w = &copy; /* which no store to a cell can change */
+    const struct gr_diffusion_work copy = *given, *const w = &copy; /* which no store to a cell can change */
     const struct gr_fluidity *f = w->f;
     const int multiplies = pass == GR_PASS_multiply, together = !gr_pass_has_wraps(pass) || multiplies;
     struct sums_of_chunk sums;
@@ -243,7 +243,7 @@ GR_INLINE void pass_chunk(const int pass, const int links, const struct gr_pass 
     f->space.partial_clamped[c] += clamped;
 }
 
-GR_INLINE void connect_chunk(const int links, const struct gr_pass *w, int64_t c)
+GR_INLINE void connect_chunk(const int links, const struct gr_diffusion_work *w, int64_t c)
 {
     for (int64_t q = w->f->pages.chunk_first[c]; q < w->f->pages.chunk_first[c + 1]; q++)
         link_cells(links, w->f, q, 0, GR_PAGE);

@@ -64,6 +64,13 @@ const char *gr_foreign_array(const struct gr_engine *e)
                                    GR_NAMED(mesh.node_id),
                                    GR_NAMED(mesh.cell_of.block_of),
                                    GR_NAMED(mesh.cell_of.value),
+                                   GR_NAMED(mesh.cell_of.used),
+                                   GR_NAMED(mesh.next_of.block_of),
+                                   GR_NAMED(mesh.next_of.value),
+                                   GR_NAMED(mesh.next_of.used),
+                                   GR_NAMED(mesh.node_of.block_of),
+                                   GR_NAMED(mesh.node_of.value),
+                                   GR_NAMED(mesh.node_of.used),
                                    GR_NAMED(sums.data),
                                    GR_NAMED(sums.average),
                                    GR_NAMED(sums.dirty),
@@ -79,6 +86,7 @@ const char *gr_foreign_array(const struct gr_engine *e)
                                    GR_NAMED(config.walls),
                                    GR_NAMED(config.cell_flags.value),
                                    GR_NAMED(sleep),
+                                   GR_NAMED(config.node_codes.value),
                                    GR_NAMED(watch),
                                    GR_NAMED(tally.cell),
                                    GR_NAMED(device),
@@ -100,10 +108,17 @@ const char *gr_foreign_array(const struct gr_engine *e)
     if (!name) name = foreign_of_bodies(e);
     if (name) return name;
     for (int d = 0; d < e->config.dim; d++) {
-        if (!gr_in_block(e->axis[d].cell)) return "axis.cell";
-        if (!gr_in_block(e->axis[d].node_position) || !gr_in_block(e->axis[d].node_integral)) return "axis.node";
-        if (!gr_in_block(e->cells_of_node[d])) return "cells_of_node";
-        if (e->config.cell_flags.class_of[d] && !gr_in_block(e->config.cell_flags.class_of[d])) return "config.cell_flags";
+        const struct gr_axis *axis = &e->axis[d];
+        const struct named of_axis[] = {{axis->cell, "axis.cell"},
+                                        {axis->node_number, "axis.node_number"},
+                                        {axis->node_position, "axis.node_position"},
+                                        {axis->node_integral, "axis.node_integral"},
+                                        {axis->node_radius, "axis.node_radius"},
+                                        {e->cells_of_node[d], "cells_of_node"},
+                                        {e->config.cell_flags.class_of[d], "config.cell_flags"},
+                                        {e->config.node_codes.class_of[d], "config.node_codes"}};
+        const char *const other = foreign_of(of_axis, sizeof of_axis / sizeof *of_axis);
+        if (other) return other;
     }
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         if (e->points.field[f] && !gr_in_block(e->points.field[f])) return gr_field_table[f].name;

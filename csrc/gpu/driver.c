@@ -60,7 +60,7 @@ static struct {
     int tried, device;
     char refusal[256]; /* why there is no GPU; empty if there is one */
     void *context, *function[2][GR_STAGE_COUNT];
-    address engine;        /* a copy of the engine that runs */
+    address engine;        /* a copy of the engine that runs, and behind it one of the work of a pass */
     struct gr_engine last; /* what was copied last */
 #define X(name, types) int(*name) types;
     FUNCTIONS(X)
@@ -83,8 +83,10 @@ static void drop_managed(void *block)
     if (!gpu.cuCtxSetCurrent(gpu.context)) (void)gpu.cuMemFree_v2((address)(uintptr_t)block);
 }
 
-static void *take(size_t bytes) { return gr_take_block(take_managed, bytes); }
-static void give(void *block) { gr_give_block(drop_managed, block); }
+static const struct gr_pool pool = {take_managed, drop_managed};
+
+static void *take(size_t bytes) { return gr_take_block(&pool, bytes); }
+static void give(void *block) { gr_give_block(&pool, block); }
 
 /* ---- Launches ---- */
 
@@ -102,9 +104,15 @@ static void bring(void *begin, size_t bytes)
     (void)gpu.cuMemPrefetchAsync((address)(uintptr_t)begin, bytes, gpu.device, NULL);
 }
 
+/* Let this thread of the processor call the driver. */
+static void enter(struct gr_device *d)
+{
+    if (!*d->failure) note(d, gpu.cuCtxSetCurrent(gpu.context));
+}
+
 static void begin(struct gr_device *d)
 {
-    note(d, gpu.cuCtxSetCurrent(gpu.context));
+    enter(d);
     if (!*d->failure) gr_each_block(bring); /* only for speed: memory follows its use in any case */
 }
 
@@ -125,10 +133,14 @@ static void run(const struct gr_launch *launch, enum gr_device_stage stage, int6
     int64_t threads = n;
     void *arguments[] = {&there, &threads};
     const int64_t blocks = (n + BLOCK - 1) / BLOCK;
-    if (!n || *d->failure) return;
-    there.e = (struct gr_engine *)(uintptr_t)gpu.engine;
+    const address engine = gpu.engine, work = engine + sizeof *launch->e;
+    if (!n) return;
+    there.e = (struct gr_engine *)(uintptr_t)engine;
+    there.work = (const void *)(uintptr_t)work;
+    enter(d);
     pthread_mutex_lock(&guard);
-    note(d, copy_engine(launch->e));
+    if (!*d->failure) note(d, copy_engine(launch->e));
+    if (!*d->failure && launch->bytes) note(d, gpu.cuMemcpyHtoDAsync_v2(work, launch->work, launch->bytes, NULL));
     if (!*d->failure)
         note(d, gpu.cuLaunchKernel(gpu.function[launch->e->config.single][stage], (unsigned)blocks, 1, 1, BLOCK, 1, 1, 0,
                                    NULL, arguments, NULL));
@@ -137,6 +149,7 @@ static void run(const struct gr_launch *launch, enum gr_device_stage stage, int6
 
 static void wait(struct gr_device *d)
 {
+    enter(d);
     if (!*d->failure) note(d, gpu.cuCtxSynchronize());
 }
 
@@ -191,7 +204,7 @@ static int find_device(void)
     if (!managed) REFUSE("the GPU has no managed memory");
     if ((error = gpu.cuDevicePrimaryCtxRetain(&gpu.context, gpu.device)) || (error = gpu.cuCtxSetCurrent(gpu.context)) ||
         (error = gpu.cuCtxSetLimit(LIMIT_STACK, STACK)) ||
-        (error = gpu.cuMemAlloc_v2(&gpu.engine, sizeof(struct gr_engine))))
+        (error = gpu.cuMemAlloc_v2(&gpu.engine, sizeof(struct gr_engine) + GR_MOST_WORK)))
         return refuse_error("the GPU cannot be used", error);
     return 0;
 }

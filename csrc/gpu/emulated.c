@@ -3,8 +3,10 @@
 #include "gpu/blocks.h"
 #include "mpm/device.h"
 
-static void *take(size_t bytes) { return gr_take_block(malloc, bytes); }
-static void give(void *block) { gr_give_block(free, block); }
+static const struct gr_pool pool = {malloc, free};
+
+static void *take(size_t bytes) { return gr_take_block(&pool, bytes); }
+static void give(void *block) { gr_give_block(&pool, block); }
 
 /* Threads of a launch that a team shares out. */
 struct shared {

@@ -7,7 +7,7 @@ void GR_FLUIDITY_THREAD(const struct gr_launch *launch, enum gr_device_stage sta
 #else
 
 /* True if a pass belongs to a search that has ended before: a device goes on until it is told. */
-static int is_late(const struct gr_pass *w)
+static int is_late(const struct gr_diffusion_work *w)
 {
     const int of_search = w->which == GR_PASS_multiply || w->which == GR_PASS_descend || w->which == GR_PASS_turn;
     return of_search && w->f->descent.ended;
@@ -16,7 +16,7 @@ static int is_late(const struct gr_pass *w)
 /* Sums of the products of the cells that have number i % GR_PAGE in the pages of chunk i/GR_PAGE. */
 static void sum_products(const struct gr_launch *launch, int64_t i)
 {
-    const struct gr_pass *w = &launch->diffusion;
+    const struct gr_diffusion_work *w = &launch->diffusion;
     const int64_t *first = w->f->pages.chunk_first + i / GR_PAGE;
     vd sum[2] = {v_zero(), v_zero()};
     for (int64_t q = first[0]; q < first[1]; q++) add_products(w->which, w, q * GR_PAGE + i % GR_PAGE, sum);
@@ -26,7 +26,7 @@ static void sum_products(const struct gr_launch *launch, int64_t i)
 /* The sums of a group of chunks: of a chunk as store_sums has it. */
 static void sum_chunks(const struct gr_launch *launch, int64_t i)
 {
-    const struct gr_pass *w = &launch->diffusion;
+    const struct gr_diffusion_work *w = &launch->diffusion;
     const struct gr_device *d = launch->e->device;
     const int64_t n = w->f->pages.n_chunks, last = (i + 1) * GR_GROUP < n ? (i + 1) * GR_GROUP : n;
     const int more = w->which == GR_PASS_multiply && w->f->pages.n_wraps;
@@ -44,7 +44,7 @@ static void sum_chunks(const struct gr_launch *launch, int64_t i)
 /* The sums of all chunks, with which the pass ends. */
 static void sum_groups(const struct gr_launch *launch)
 {
-    const struct gr_pass *w = &launch->diffusion;
+    const struct gr_diffusion_work *w = &launch->diffusion;
     const struct gr_device *d = launch->e->device;
     const int64_t groups = (w->f->pages.n_chunks + GR_GROUP - 1) / GR_GROUP;
     double sum[2] = {0, 0};
@@ -56,13 +56,13 @@ static void sum_groups(const struct gr_launch *launch)
     gr_end_pass(w->f, w->which, sum);
 }
 
-static void add_wraps_of_chunk(const struct gr_pass *w, int64_t chunk)
+static void add_wraps_of_chunk(const struct gr_diffusion_work *w, int64_t chunk)
 {
     const double product = add_wraps(w->which, w, chunk);
     if (w->which == GR_PASS_multiply) w->f->space.partial[0][chunk] = product;
 }
 
-static void end_cell(const struct gr_pass *w, int64_t place)
+static void end_cell(const struct gr_diffusion_work *w, int64_t place)
 {
     const int clamped = end_cells(w->which, w, place);
     if (clamped) __atomic_fetch_add(&w->f->clamped, clamped, __ATOMIC_RELAXED);
@@ -70,7 +70,7 @@ static void end_cell(const struct gr_pass *w, int64_t place)
 
 GR_INLINE void fluidity_thread(const struct gr_launch *launch, const enum gr_device_stage stage, int64_t i)
 {
-    const struct gr_pass *w = &launch->diffusion;
+    const struct gr_diffusion_work *w = &launch->diffusion;
     const int lane = (int)(i % GR_PAGE);
     if (is_late(w)) return;
     switch (stage) {

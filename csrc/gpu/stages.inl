@@ -204,8 +204,28 @@ static void thread_fastest(const struct gr_launch *launch, int64_t i)
     e->device->fastest[i] = largest;
 }
 
+static void thread_occupied(const struct gr_launch *launch, int64_t i)
+{
+    const struct gr_mesh *mesh = &launch->e->mesh;
+    int64_t occupied = 0;
+    for (int64_t c = i * GR_GROUP; c < mesh->n_cells && c < (i + 1) * GR_GROUP; c++) occupied += mesh->cell[c].count > 0;
+    launch->e->device->of_group[i] = occupied;
+}
+
 #include "gpu/fluidity.inl"
 #include "gpu/sleep.inl"
+
+/* ---- The passes of a regrouping ---- */
+
+#define GR_X(pass, item)                                                 \
+    static void thread_##pass(const struct gr_launch *launch, int64_t i) \
+    {                                                                    \
+        int64_t first, last;                                             \
+        gr_share(launch->items, i, launch->chunks, &first, &last);       \
+        gr_pass_##pass(launch->e, launch->work, first, last, i);         \
+    }
+GR_REGROUP_PASSES(GR_X)
+#undef GR_X
 
 static gr_thread *const threads[GR_STAGE_COUNT] = {
 #define GR_X(stage, unit) thread_##stage,

@@ -3,6 +3,8 @@
 
 #include "core/memory.h"
 #include "mpm/cell_sums.h"
+#include "mpm/device.h"
+#include "mpm/places.h"
 
 /* A row of active nodes along the first axis, and the number of addends of each row of the nodes of cells to them; then where
  * these begin. */
@@ -17,8 +19,8 @@ struct listing {
     struct gr_team *team;
     int64_t chunks, n_front;
     struct line *line;
-    int64_t n_lines;
-    struct gr_addend *out; /* NULL while they are counted */
+    int64_t n_lines, *lines_of; /* per chunk of the nodes: lines that begin in it, then those that begin before */
+    struct gr_addend *out;      /* NULL while they are counted */
 };
 
 /* Lanes that are a run: they add to n nodes of a row from `node` on; what is at their `end` is added to the nodes `next`
@@ -35,29 +37,33 @@ struct run {
 struct adding {
     const struct gr_engine *e;
     int row, k;
-    int64_t last; /* the end of the row of cells */
-    struct gr_addend *out;
+    int64_t end;                 /* of the row of cells */
+    struct gr_addend *out, last; /* `last`: what has been added; of 0 nodes at first */
     int64_t n;
 };
 
 /* ---- Rows of nodes, and of cells ---- */
 
-/* List the rows of nodes. */
-static int list_lines(struct listing *l)
+/* True if node n is the first in its row, of its layer. */
+static int begins_line(const struct gr_engine *e, const struct listing *l, int64_t n)
 {
-    const struct gr_mesh *mesh = &l->e->mesh;
-    const int64_t n_x = l->e->axis[0].n_nodes;
-    int64_t end = 0, capacity = 0;
-    for (int64_t n = 0; n < mesh->n_nodes; n++) {
-        if (n && n != l->n_front && mesh->node_id[n] < end) continue;
-        if (l->n_lines == capacity) {
-            capacity = 2 * capacity + 16;
-            GR_RESIZE(l->line, capacity);
-        }
-        l->line[l->n_lines++] = (struct line){.node = (int32_t)n};
-        end = (mesh->node_id[n] / n_x + 1) * n_x;
-    }
-    return GR_OK;
+    const int64_t n_x = e->axis[0].n_nodes, *id = e->mesh.node_id;
+    return !n || n == l->n_front || id[n] / n_x != id[n - 1] / n_x;
+}
+
+GR_DEFINE_PASS(count_lines, struct listing, l)
+{
+    int64_t count = 0;
+    for (int64_t n = first; n < last; n++) count += begins_line(e, l, n);
+    l->lines_of[chunk] = count;
+}
+
+/* List the rows of nodes. */
+GR_DEFINE_PASS(list_lines, struct listing, l)
+{
+    int64_t k = l->lines_of[chunk];
+    for (int64_t n = first; n < last; n++)
+        if (begins_line(e, l, n)) l->line[k++] = (struct line){.node = (int32_t)n};
 }
 
 /* Number of the first cell of a layer that is in a row of cells not before this one. */
@@ -83,7 +89,7 @@ static struct run run_from(const struct adding *a, int64_t c)
     const struct gr_mesh *mesh = &a->e->mesh;
     const unsigned joins = mesh->tile_joins[c / GR_LANES];
     struct run run = {.first = c, .n = 1, .next = {-1, -1}};
-    while (c + run.n < a->last && (c + run.n) % GR_LANES && joins >> (c + run.n) % GR_LANES & 1) run.n++;
+    while (c + run.n < a->end && (c + run.n) % GR_LANES && joins >> (c + run.n) % GR_LANES & 1) run.n++;
     run.node = gr_node_in_row(a->e, c, a->row, 0);
     for (int j = 0; j < a->k - 1; j++) run.next[j] = gr_node_in_row(a->e, c + run.n - 1, a->row, j + 1);
     run.end = gr_end_of_run(a->e, c);
@@ -110,10 +116,10 @@ static void find_before(const struct adding *a, struct run *run, const struct ru
  * Returned: whether it has. */
 static int find_closing(const struct adding *a, int64_t begin, struct run *closing)
 {
-    const int x = a->e->mesh.cell[a->last - 1].at[0];
+    const int x = a->e->mesh.cell[a->end - 1].at[0];
     struct run last = {.next = {-1, -1}};
     if (!a->e->mesh.row_begin || x + a->k <= a->e->axis[0].n_nodes) return 0;
-    for (int64_t c = begin; c < a->last; c += closing->n) {
+    for (int64_t c = begin; c < a->end; c += closing->n) {
         last = *closing;
         *closing = run_from(a, c);
     }
@@ -123,9 +129,24 @@ static int find_closing(const struct adding *a, int64_t begin, struct run *closi
 
 /* ---- What is added ---- */
 
+/* True if the lane of an addend follows those of another in all that is added. */
+static int follows(const struct gr_addend *a, const struct gr_addend *b)
+{
+    return a->apart && b->apart && b->node == a->node + a->n && b->lanes == a->lanes + a->n && b->first == a->first &&
+           b->kind_before == a->kind_before && (!b->first || b->end == a->end + a->n) &&
+           (!b->kind_before || b->before == a->before + a->n);
+}
+
+/* Add an addend, to the last one if its lane, a run by itself, follows those. */
 static void add(struct adding *a, struct gr_addend addend)
 {
+    if (a->last.n && follows(&a->last, &addend)) {
+        a->last.n++;
+        if (a->out) a->out[a->n - 1].n++;
+        return;
+    }
     if (a->out) a->out[a->n] = addend;
+    a->last = addend;
     a->n++;
 }
 
@@ -166,15 +187,15 @@ static void add_run(struct adding *a, const struct run *run, const struct run *l
     add(a, addend);
 }
 
-/* Add a row of cells, from `begin` to a->last, to a row of nodes. */
+/* Add a row of cells, from `begin` to a->end, to a row of nodes. */
 static void add_cells(struct adding *a, int64_t begin)
 {
     const int n_x = a->e->axis[0].n_nodes;
     struct run last = {.next = {-1, -1}}, run;
-    const int x = a->e->mesh.cell[a->last - 1].at[0], closes = find_closing(a, begin, &last);
+    const int x = a->e->mesh.cell[a->end - 1].at[0], closes = find_closing(a, begin, &last);
     for (int j = 0; closes && j < a->k - 1; j++) /* those across the end come first */
         if (x + j + 1 < n_x) last.next[j] = -1;
-    for (int64_t c = begin; c < a->last; c += run.n) {
+    for (int64_t c = begin; c < a->end; c += run.n) {
         run = run_from(a, c);
         find_before(a, &run, &last);
         add_run(a, &run, &last);
@@ -185,29 +206,43 @@ static void add_cells(struct adding *a, int64_t begin)
     add_end(a, &last, -1);
 }
 
-/* Count the addends of rows of nodes, or list them. */
-GR_SHARED(list_addends, struct listing, l->n_lines, l)
+/* Count the addends of rows of nodes, or list them: an item is a row of nodes and one of the rows of cells about it. */
+GR_DEFINE_PASS(list_addends, struct listing, l)
 {
-    static const struct gr_node_cells flat = {.count = 1};
-    const struct gr_engine *e = l->e;
+    const struct gr_node_cells flat = {.count = 1};
     const int k = e->K / e->n_rows;
-    (void)chunk;
-    for (struct line *line = l->line + first; line < l->line + last; line++) {
+    for (int64_t item = first; item < last; item++) {
+        struct line *const line = &l->line[item / e->n_rows];
+        const int b = (int)(item % e->n_rows) % k, c = (int)(item % e->n_rows) / k, behind = line->node >= l->n_front;
         const int64_t row = e->mesh.node_id[line->node] / e->axis[0].n_nodes, n_y = e->axis[1].n_nodes;
         const struct gr_node_cells *y = &e->cells_of_node[1][row % n_y];
         const struct gr_node_cells *z = e->config.dim == 3 ? &e->cells_of_node[2][row / n_y] : &flat;
-        const int behind = line->node >= l->n_front;
-        for (int c = 0; c < z->count; c++)
-            for (int b = 0; b < y->count; b++) {
-                const int64_t cells = (int64_t)z->cell[c] * e->axis[1].n_cells + y->cell[b];
-                const int64_t begin = first_cell_of(e, behind, cells);
-                struct adding adding = {.e = e, .row = y->local[b] + k * z->local[c], .k = k, .out = l->out};
-                adding.last = first_cell_of(e, behind, cells + 1);
-                if (l->out) adding.n = line->n[adding.row];
-                if (begin < adding.last) add_cells(&adding, begin);
-                if (!l->out) line->n[adding.row] = adding.n;
-            }
+        if (b >= y->count || c >= z->count) continue;
+        const int64_t cells = (int64_t)z->cell[c] * e->axis[1].n_cells + y->cell[b];
+        const int64_t begin = first_cell_of(e, behind, cells);
+        struct adding adding = {.e = e, .row = y->local[b] + k * z->local[c], .k = k, .out = l->out};
+        adding.end = first_cell_of(e, behind, cells + 1);
+        if (l->out) adding.n = line->n[adding.row];
+        if (begin < adding.end) add_cells(&adding, begin);
+        if (!l->out) line->n[adding.row] = adding.n;
     }
+}
+
+#ifndef GR_ON_DEVICE
+/* List the rows of nodes. */
+static int find_lines(struct listing *l)
+{
+    struct gr_engine *e = l->e;
+    const int64_t pieces = gr_pass_chunks(e, e->mesh.n_nodes, l->chunks);
+    l->lines_of = gr_malloc(sizeof *l->lines_of * (size_t)(pieces + 1));
+    if (!l->lines_of) return GR_ERR_MEMORY;
+    GR_MAKE_IN(count_lines, l, e->mesh.n_nodes, pieces);
+    const int error = gr_make_places(e, l->lines_of, pieces, &l->n_lines);
+    if (error) return error;
+    l->line = gr_malloc(sizeof *l->line * (size_t)(l->n_lines + 1));
+    if (!l->line) return GR_ERR_MEMORY;
+    GR_MAKE_IN(list_lines, l, e->mesh.n_nodes, pieces);
+    return GR_OK;
 }
 
 /* Give the addends of each row and line their places.
@@ -226,37 +261,14 @@ static int64_t place_addends(struct listing *l)
     return l->e->mesh.row_addends[l->e->n_rows] = n;
 }
 
-/* True if the lane of an addend follows those of another in all that is added. */
-static int follows(const struct gr_addend *a, const struct gr_addend *b)
-{
-    return a->apart && b->apart && b->node == a->node + a->n && b->lanes == a->lanes + a->n && b->first == a->first &&
-           b->kind_before == a->kind_before && (!b->first || b->end == a->end + a->n) &&
-           (!b->kind_before || b->before == a->before + a->n);
-}
-
-/* Make one addend of lanes that follow each other and are runs by themselves. */
-static void join_apart(struct gr_engine *e)
-{
-    struct gr_addend *const addend = e->mesh.addend;
-    int64_t n = 0, i = 0;
-    for (int row = 0; row < e->n_rows; row++) {
-        const int64_t begin = n;
-        for (; i < e->mesh.row_addends[row + 1]; i++) {
-            if (n > begin && follows(&addend[n - 1], &addend[i]))
-                addend[n - 1].n++;
-            else
-                addend[n++] = addend[i];
-        }
-        e->mesh.row_addends[row] = begin;
-    }
-    e->mesh.row_addends[e->n_rows] = n;
-}
-
 static int list(struct listing *l)
 {
     struct gr_mesh *mesh = &l->e->mesh;
-    if (list_lines(l)) return GR_ERR_MEMORY;
-    list_addends(l);
+    int error = find_lines(l);
+    if (error) return error;
+    GR_MAKE(list_addends, l, l->n_lines * l->e->n_rows);
+    error = gr_device_wait(l->e);
+    if (error) return error;
     const int64_t n = place_addends(l);
     if (n > mesh->addend_capacity) {
         mesh->addend_capacity = 0;
@@ -264,15 +276,16 @@ static int list(struct listing *l)
         mesh->addend_capacity = n + n / 2;
     }
     l->out = mesh->addend;
-    list_addends(l);
-    join_apart(l->e);
-    return GR_OK;
+    GR_MAKE(list_addends, l, l->n_lines * l->e->n_rows);
+    return gr_device_wait(l->e);
 }
 
 int gr_list_addends(struct gr_engine *e, int64_t n_front, struct gr_team *team, int64_t chunks)
 {
     struct listing l = {.e = e, .team = team, .chunks = chunks, .n_front = n_front};
     const int error = list(&l);
+    gr_free(l.lines_of);
     gr_free(l.line);
     return error;
 }
+#endif

@@ -79,12 +79,40 @@ void gr_device_end(struct gr_engine *e) { e->device->team = NULL; }
 int gr_device_wait(struct gr_engine *e)
 {
     struct gr_device *d = e->device;
+    if (!d) return GR_OK;
     d->backend->wait(d);
     if (!*d->failure) return GR_OK;
     e->failure.code = GR_ERR_DEVICE;
     e->failure.id = -1;
     e->failure.step = e->clock.step;
     return GR_ERR_DEVICE;
+}
+
+/* ---- Passes ---- */
+
+/* A pass by a team. */
+struct shared_pass {
+    gr_pass *pass;
+    const struct gr_launch *launch;
+};
+
+static void do_chunk(void *context, int64_t chunk, int t)
+{
+    const struct shared_pass *shared = context;
+    const struct gr_launch *launch = shared->launch;
+    int64_t first, last;
+    (void)t;
+    gr_share(launch->items, chunk, launch->chunks, &first, &last);
+    shared->pass(launch->e, launch->work, first, last, chunk);
+}
+
+void gr_make_pass(struct gr_team *team, enum gr_device_stage stage, gr_pass *pass, const struct gr_launch *launch)
+{
+    struct shared_pass shared = {pass, launch};
+    if (launch->e->device)
+        gr_device_run(launch, stage, launch->chunks);
+    else
+        gr_team_run(team, do_chunk, &shared, launch->chunks);
 }
 
 /* ---- Points between cells ---- */
@@ -135,4 +163,15 @@ double gr_device_fastest(const struct gr_engine *e)
     if (gr_device_wait(launch.e)) return 0;
     for (int64_t g = 0; g < groups; g++) square = fmax(square, e->device->fastest[g]);
     return square;
+}
+
+int64_t gr_device_occupied(const struct gr_engine *e)
+{
+    const struct gr_launch launch = {.e = (struct gr_engine *)e};
+    const int64_t groups = groups_of(lanes_of(e));
+    int64_t occupied = 0;
+    gr_device_run(&launch, GR_STAGE_occupied, groups);
+    if (gr_device_wait(launch.e)) return e->mesh.n_cells;
+    for (int64_t g = 0; g < groups; g++) occupied += e->device->of_group[g];
+    return occupied;
 }

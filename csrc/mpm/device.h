@@ -9,6 +9,7 @@
 #include "core/memory.h"
 #include "core/team.h"
 #include "mpm/engine.h"
+#include "mpm/passes.h"
 
 /* X(stage, one of what its threads are): the parts of the passes of the diffusion (fluidity/passes.inl), which are in double
  * precision in any case; `lane`: the places of the pages of a chunk that have the same number. */
@@ -35,7 +36,7 @@
     X(rest, tile)          \
     X(wake, cell)
 
-/* The same of a step. */
+/* The same of a step, and of all else. */
 #define GR_DEVICE_STAGES(X)   \
     X(p2g, cell)              \
     X(p2g_dirty, cell)        \
@@ -61,7 +62,9 @@
     X(begin_substeps, cell)   \
     X(substep, cell)          \
     GR_SLEEP_STAGES(X)        \
-    GR_FLUIDITY_STAGES(X)
+    GR_FLUIDITY_STAGES(X)     \
+    X(occupied, group)        \
+    GR_REGROUP_PASSES(X)
 
 #define GR_X(stage, unit) GR_STAGE_##stage,
 enum gr_device_stage { GR_DEVICE_STAGES(GR_X) GR_STAGE_COUNT };
@@ -71,9 +74,14 @@ enum gr_device_stage { GR_DEVICE_STAGES(GR_X) GR_STAGE_COUNT };
 struct gr_launch {
     struct gr_engine *e;
     double gravity[3];
-    int pass;                 /* of XPIC */
-    struct gr_pass diffusion; /* of the fluidity */
+    int pass;                           /* of XPIC */
+    struct gr_diffusion_work diffusion; /* of the fluidity */
+    const void *work; /* of a pass of a regrouping, GR_MOST_WORK bytes at most, which are copied for the launch */
+    size_t bytes;
+    int64_t items, chunks; /* of the pass: as many chunks as threads */
 };
+
+enum { GR_MOST_WORK = 512 };
 
 /* Thread number i of a stage. */
 typedef void gr_thread(const struct gr_launch *launch, int64_t i);
@@ -108,7 +116,7 @@ struct gr_device {
     int32_t *leaving;              /* per cell: points that leave it in this step */
     uint8_t *leaves;               /* per slot: 1 if its point does */
     int64_t *place[3];             /* of the first migrant of a cell: in its group; of the group; of the group of groups */
-    int64_t *of_group, *of_groups; /* migrants of a group of cells, and of a group of these */
+    int64_t *of_group, *of_groups; /* migrants of a group of cells, or its cells with points; migrants of a group of these */
     int64_t *arrivals, *next; /* per cell: 1 + a migrant that comes to it; per migrant: the same for the next one, 0: none */
     double *fastest;          /* per group of cells: square of the largest speed, m2/s2 */
     int64_t n_chunks;         /* of the fluidity grid, for which there is memory */
@@ -138,8 +146,26 @@ static inline void gr_device_run(const struct gr_launch *launch, enum gr_device_
     launch->e->device->backend->run(launch, stage, n);
 }
 
-/* Wait for all threads. Returned: 0 or GR_ERR_DEVICE, which then is the failure of the engine. */
+/* Wait for all threads. Returned: 0 or GR_ERR_DEVICE, which then is the failure of the engine; 0 without a device. */
 int gr_device_wait(struct gr_engine *e);
+
+/* Make a pass by a team, or by the device of the engine, which may go on after this returns. */
+void gr_make_pass(struct gr_team *team, enum gr_device_stage stage, gr_pass *pass, const struct gr_launch *launch);
+
+/* The chunks of a pass of n items that has something for each chunk. */
+static inline int64_t gr_pass_chunks(const struct gr_engine *e, int64_t n, int64_t of_team)
+{
+    return e->device ? (n + GR_GROUP - 1) / GR_GROUP : of_team;
+}
+
+/* Make a pass for n items, whose work w has the members e, team and chunks; and in so many chunks for a device, too. */
+#define GR_MAKE(pass, w, n) GR_MAKE_IN(pass, w, n, (w)->e->device ? (n) : (w)->chunks)
+#define GR_MAKE_IN(pass, w, n, in)                                                                                       \
+    do {                                                                                                                 \
+        _Static_assert(sizeof *(w) <= GR_MOST_WORK, "the work of a pass is copied");                                     \
+        const struct gr_launch of_pass = {.e = (w)->e, .work = (w), .bytes = sizeof *(w), .items = (n), .chunks = (in)}; \
+        gr_make_pass((w)->team, GR_STAGE_##pass, gr_pass_##pass, &of_pass);                                              \
+    } while (0)
 
 /* G2P, the law, packing of the points that leave their cells into the first list of the migration, and P2G of the others.
  * An error is the failure of the engine. */
@@ -159,6 +185,9 @@ int gr_device_tally(struct gr_engine *e);
 
 /* Square of the largest speed of the points, m2/s2; 0 after a failure. */
 double gr_device_fastest(const struct gr_engine *e);
+
+/* Number of the cells that hold points; all after a failure, which is that of the engine. */
+int64_t gr_device_occupied(const struct gr_engine *e);
 
 /* The name of an array of an engine that the threads of a device read or write, and that is not of the memory of a device;
  * NULL if all are. */

@@ -4,7 +4,7 @@
 #include "mpm/device.h"
 
 /* Launch the stages of a pass, in the order of its parts (fluidity/passes.inl). */
-static void run_pass(void *context, const struct gr_pass *w)
+static void run_pass(void *context, const struct gr_diffusion_work *w)
 {
     const struct gr_launch launch = {.e = context, .diffusion = *w};
     const struct gr_pages *pages = &w->f->pages;

@@ -14,8 +14,11 @@
 #include "core/memory.h"
 #include "mpm/cell_sums.h"
 #include "mpm/connect.h"
+#include "mpm/device.h"
+#include "mpm/fill_table.h"
 #include "mpm/ghosts.h"
-#include "mpm/migrate.h"
+#include "mpm/listing.h"
+#include "mpm/places.h"
 #include "mpm/sleep.h"
 #include "mpm/slots.h"
 #include "mpm/spread.h"
@@ -30,257 +33,108 @@ enum { GROWTH = 16 };
 /* Steps after which emptied cells are counted again. A count is far cheaper than a step. */
 enum { EMPTIED_INTERVAL = 64 };
 
-/* Points that are listed together: of a share of the old cells, or the pending ones. */
-struct list {
-    int64_t first, n;        /* numbers of its points */
-    int64_t n_cells;         /* length of its list of their cells */
-    int64_t lowest, highest; /* of their new cells */
-    int64_t outside;         /* id of the first point outside the domain, and its position; `failed` if there is one */
-    double outside_x[3];
-    int failed;
-};
-
-/* Work space of a regrouping, between the old order of the points and the new. */
-struct regroup {
-    struct gr_engine *e;
-    struct gr_team *team;
-    int64_t chunks, n, n_active, n_occupied, total; /* points; active cells, and how many of them hold points; slots */
-    struct list *list;                              /* chunks + 1; the last is of the pending points */
-    int64_t *source;                                /* per point: its old slot, or -1 - k for pending point k */
-    int64_t *slot;   /* per point: index of its cell in the grid; then its number in the new cell; then its new slot */
-    int32_t *cell;   /* per point: number of its new cell */
-    int64_t *listed; /* indices of the cells of the points in the grid; of each list only where they change */
-    int64_t *cells;  /* indices of the active cells in the grid, ascending; double cells twice */
-    int8_t *sides;   /* side of each of these; NULL without thin parts */
-    struct gr_tiles tiles;
-    int32_t *counts; /* points of each new cell, which are the lanes of the tiles */
-    int32_t *calm;   /* of the new cells; NULL without sleep */
-    int64_t *offset; /* of the new tiles; number of tiles + 1 */
-    struct gr_moves moves;
-};
-
 enum { FEW_POINTS = 2048 }; /* an estimate: fewer are grouped sooner than a team is called */
 
-/* ---- The points and their cells ---- */
+/* ---- The cells of the points ---- */
 
-/* List a point. Returned: 0 if it is outside of the domain. */
-static int add_point(struct regroup *r, struct list *list, int64_t source, const double x[3], int64_t id)
+/* For qsort: by cells, then by numbers. */
+static int compare_newcomers(const void *a, const void *b)
+{
+    const struct gr_newcomer *x = a, *y = b;
+    const int by_cell = gr_compare_ids(&x->cell, &y->cell);
+    return by_cell ? by_cell : gr_compare_ids(&x->number, &y->number);
+}
+
+/* Find the cells of the pending points, and put these into the order of cells.
+ * Returned: 0, GR_ERR_MEMORY, or GR_ERR_OUTSIDE, which is the failure of the engine. */
+static int find_newcomers(struct gr_regroup *r)
 {
     struct gr_engine *e = r->e;
-    int64_t at[3];
-    int32_t cell[3] = {0, 0, 0};
-    double y[3] = {x[0], x[1], e->config.dim == 3 ? x[2] : 0};
-    int inside = 1;
-    for (int d = 0; d < e->config.dim; d++) {
-        const struct gr_axis *axis = &e->axis[d];
-        at[d] = gr_locate(axis, e->inv_dx, y[d]);
-        if (axis->periodic && at[d] == axis->n_cells) { /* ugimp: the last half-cell; fmax against rounding */
-            y[d] = fmax(axis->cell[0].begin, y[d] - axis->length);
-            at[d] = 0;
+    const int64_t n = e->migration.n_pending;
+    r->newcomer = gr_malloc(sizeof *r->newcomer * (size_t)(n + 1));
+    r->fresh = gr_malloc((size_t)(n + 1));
+    if (!r->newcomer || !r->fresh) return GR_ERR_MEMORY;
+    for (int64_t k = 0; k < n; k++) {
+        const double *record = e->migration.pending + k * e->points.n_components;
+        double x[3] = {record[0], record[1], e->config.dim == 3 ? record[2] : 0};
+        int32_t cell[3];
+        if (!gr_find_cell_at(e, x, cell)) {
+            e->failure.id = e->migration.pending_id[k];
+            memcpy(e->failure.x, x, sizeof x);
+            return e->failure.code = GR_ERR_OUTSIDE;
         }
-        if (at[d] < 0 || at[d] >= axis->n_cells) inside = 0;
-        cell[d] = (int32_t)at[d];
+        r->newcomer[k] = (struct gr_newcomer){gr_cell_id(e, cell), k};
     }
-    if (inside && e->ranks && gr_owner(e->ranks, cell) != e->ranks->transport.rank) inside = 0;
-    if (!inside) {
-        list->failed = 1;
-        list->outside = id;
-        memcpy(list->outside_x, y, sizeof y);
-        return 0;
-    }
-    if (source >= 0)
-        for (int d = 0; d < e->config.dim; d++) gr_x(e, d)[source] = y[d];
-    int64_t *listed = r->listed + list->first;
-    const int64_t index = gr_cell_id(e, cell);
-    if (!list->n_cells || listed[list->n_cells - 1] != index) listed[list->n_cells++] = index;
-    r->source[list->first + list->n] = source;
-    r->slot[list->first + list->n++] = index;
-    return 1;
-}
-
-/* Count the points of the old cells. Without cells there are only points, and those that wait to enter. */
-GR_SHARED(count_old, struct regroup, r->e->mesh.n_cells, r)
-{
-    struct list *list = &r->list[chunk];
-    for (int64_t c = first; c < last; c++) list->n += r->e->mesh.cell[c].count;
-    if (!r->e->mesh.n_cells) {
-        gr_share(r->e->points.n - r->e->migration.n_pending, chunk, r->chunks, &first, &last);
-        list->n = last - first;
-    }
-}
-
-GR_SHARED(list_old, struct regroup, r->e->mesh.n_cells, r)
-{
-    struct gr_engine *e = r->e;
-    struct list *list = &r->list[chunk];
-    double x[3] = {0};
-    const int64_t n = list->n;
-    int64_t c = first - 1, k = 0;
-    const struct gr_cell *cell = 0;
-    (void)last;
-    list->n = 0;
-    for (int64_t p = 0; p < n && !list->failed; p++, k++) {
-        while (e->mesh.n_cells && (!cell || k == cell->count)) cell = &e->mesh.cell[++c], k = 0;
-        const int64_t slot = cell ? gr_slot(cell, k) : list->first + k;
-        for (int d = 0; d < e->config.dim; d++) x[d] = gr_x(e, d)[slot];
-        (void)add_point(r, list, slot, x, e->points.id[slot]);
-    }
-}
-
-/* List all points: those in cells, in their order, then the pending ones. */
-static int list_points(struct regroup *r)
-{
-    struct gr_engine *e = r->e;
-    struct list *pending = &r->list[r->chunks];
-    count_old(r);
-    for (int64_t c = 0; c < r->chunks; c++) r->list[c + 1].first = r->list[c].first + r->list[c].n;
-    list_old(r);
-    for (int64_t k = 0; k < e->migration.n_pending; k++)
-        if (!add_point(r, pending, -1 - k, e->migration.pending + k * e->points.n_components, e->migration.pending_id[k]))
-            break;
-    r->n = pending->first + pending->n;
-    for (int64_t c = 0; c <= r->chunks; c++) {
-        if (!r->list[c].failed) continue;
-        e->failure.id = r->list[c].outside;
-        memcpy(e->failure.x, r->list[c].outside_x, sizeof e->failure.x);
-        return e->failure.code = GR_ERR_OUTSIDE;
-    }
+    r->n_newcomers = n;
+    qsort(r->newcomer, (size_t)n, sizeof *r->newcomer, compare_newcomers);
     return GR_OK;
 }
 
-/* Merge the cells of the lists into one ascending list without repetitions, at `listed`. The cells of the points in cells
- * ascend already, unless the points have been replaced.
- * Returned: its length. */
-static int64_t merge_listed(struct regroup *r)
+/* List the cells of the old cells with points, and those of the newcomers. */
+static int list_by_cells(struct gr_regroup *r)
 {
-    int64_t n = 0, sorted = 1, n_unique = 0;
-    for (int64_t c = 0; c < r->chunks; c++) {
-        memmove(r->listed + n, r->listed + r->list[c].first, sizeof *r->listed * (size_t)r->list[c].n_cells);
-        n += r->list[c].n_cells;
+    int error = find_newcomers(r);
+    if (error) return error;
+    r->n_occupied = r->n_before;
+    r->n_listed = r->n_before + r->n_newcomers;
+    r->occupied = gr_malloc(sizeof *r->occupied * (size_t)(r->n_before + 1));
+    r->listed = gr_malloc(sizeof *r->listed * (size_t)(r->n_listed + 1));
+    if (!r->occupied || !r->listed) return GR_ERR_MEMORY;
+    GR_MAKE_IN(list_occupied, r, r->e->mesh.n_cells, r->n_found);
+    GR_MAKE(merge_occupied, r, r->n_listed);
+    error = gr_device_wait(r->e);
+    for (int64_t n = 0; n < r->n_newcomers && !error; n++) r->n_occupied += r->fresh[n];
+    return error;
+}
+
+/* Look whether the points are in their cells, and count the cells that hold some.
+ * Returned: 0 or an error; set: whether they are. */
+static int are_in_cells(struct gr_regroup *r, int *in_cells)
+{
+    struct gr_engine *e = r->e;
+    int64_t strays = 0;
+    *in_cells = 0;
+    if (!e->mesh.n_cells || e->bodies.n_thin || e->ranks) return GR_OK;
+    r->n_found = gr_pass_chunks(e, e->mesh.n_cells, r->chunks);
+    r->found = gr_malloc(sizeof *r->found * (size_t)r->n_found);
+    if (!r->found) return GR_ERR_MEMORY;
+    GR_MAKE_IN(find_occupied, r, e->mesh.n_cells, r->n_found);
+    const int error = gr_device_wait(e);
+    for (int64_t c = 0; c < r->n_found && !error; c++) {
+        const int64_t occupied = r->found[c].occupied;
+        r->found[c].occupied = r->n_before;
+        r->n_before += occupied;
+        strays += r->found[c].strays;
     }
-    for (int64_t k = 1; k < n && sorted; k++) sorted = r->listed[k - 1] <= r->listed[k];
-    if (!sorted) qsort(r->listed, (size_t)n, sizeof *r->listed, gr_compare_ids);
-    /* n + n_pending <= number of points: behind the pending cells is space for all of them once more */
-    struct list *pending = &r->list[r->chunks];
-    int64_t *late = r->listed + pending->first, left = pending->n_cells;
-    qsort(late, (size_t)left, sizeof *late, gr_compare_ids);
-    for (int64_t k = 0, at = 0; k < n || at < left;) { /* to `merged`, behind them */
-        const int64_t next = at == left || (k < n && r->listed[k] <= late[at]) ? r->listed[k++] : late[at++];
-        int64_t *merged = r->listed + r->n;
-        if (!n_unique || merged[n_unique - 1] != next) merged[n_unique++] = next;
-    }
-    memmove(r->listed, r->listed + r->n, sizeof *r->listed * (size_t)n_unique);
-    return n_unique;
+    *in_cells = !strays;
+    return error;
+}
+
+/* List the cells that will hold points. */
+static int list_occupied(struct gr_regroup *r)
+{
+    int in_cells, error = are_in_cells(r, &in_cells);
+    if (error) return error;
+    return in_cells ? list_by_cells(r) : gr_list_points(r);
 }
 
 /* ---- The new cells ---- */
 
-/* Find the side of a listed point in a cell that has the side `of_cell`, and note it where the point is read from: at its
- * old slot or in its record. */
-static int find_side(const struct regroup *r, int64_t p, int of_cell)
-{
-    struct gr_engine *e = r->e;
-    const int64_t slot = r->source[p];
-    double *const record = slot < 0 ? e->migration.pending + (-1 - slot) * e->points.n_components : 0;
-    double x[3] = {0};
-    double *const packed = record ? record + gr_component_of(e, GR_FIELD_side) : 0;
-    for (int d = 0; d < e->config.dim; d++) x[d] = record ? record[d] : gr_x(e, d)[slot];
-    const double before = packed ? *packed : gr_number(e, GR_FIELD_side, 0, slot);
-    const int side = of_cell == GR_FRONT ? gr_point_side(e, x, gr_sign(before)) : 0;
-    if (packed)
-        *packed = side;
-    else
-        gr_set_number(e, GR_FIELD_side, 0, slot, side);
-    return side;
-}
-
-/* Make the cells near thin parts double. */
-static int split_cells(struct regroup *r)
-{
-    const int64_t n = r->n_active;
-    int64_t last = n, *cells = gr_realloc(r->cells, sizeof(int64_t) * (size_t)(2 * n + 1));
-    if (!cells) return GR_ERR_MEMORY;
-    r->cells = cells;
-    r->sides = gr_malloc((size_t)(2 * n + 1));
-    if (!r->sides) return GR_ERR_MEMORY;
-    for (int64_t c = 0; c < n; c++) {
-        int32_t at[3];
-        gr_indices_of_cell(r->e, cells[c], at);
-        r->sides[c] = (int8_t)gr_cell_side(r->e, at);
-        last += abs(r->sides[c]) == GR_FRONT;
-    }
-    r->n_active = last;
-    for (int64_t c = n; c-- > 0;) { /* backwards, so that no entry is overwritten that is still needed */
-        const int8_t side = r->sides[c], is_double = abs(side) == GR_FRONT;
-        if (is_double) cells[--last] = cells[c], r->sides[last] = GR_BACK;
-        cells[--last] = cells[c], r->sides[last] = is_double ? GR_FRONT : side;
-    }
-    return GR_OK;
-}
-
-/* Define pass(r): a stage with a chunk for each list of points. */
-#define GR_LISTED(pass)                                                                                               \
-    static void pass##_list(struct regroup *r, struct list *list);                                                    \
-    static void pass##_chunk(void *context, int64_t chunk, int t)                                                     \
-    {                                                                                                                 \
-        struct regroup *r = context;                                                                                  \
-        (void)t;                                                                                                      \
-        pass##_list(r, &r->list[chunk]);                                                                              \
-    }                                                                                                                 \
-    static void pass(struct regroup *r) { gr_team_run(r->chunks > 1 ? r->team : 0, pass##_chunk, r, r->chunks + 1); } \
-    static void pass##_list(struct regroup *r, struct list *list)
-
-/* Find the number of the new cell of each point, of the back of a double cell if the point is there. */
-GR_LISTED(number_cells)
-{
-    list->lowest = INT64_MAX, list->highest = -1;
-    for (int64_t p = list->first; p < list->first + list->n; p++) {
-        int64_t c = (int64_t)gr_table_get(&r->e->mesh.next_of, r->slot[p]) - 1;
-        if (r->sides && find_side(r, p, r->tiles.side[c]) < 0 && r->tiles.side[c] == GR_FRONT) c = r->tiles.other[c];
-        r->cell[p] = (int32_t)c;
-        if (c < list->lowest) list->lowest = c;
-        if (c > list->highest) list->highest = c;
-    }
-}
-
-/* Count the points of each new cell, and number them. */
-GR_SHARED(count_new, struct regroup, r->tiles.n_cells, r)
-{
-    (void)chunk;
-    for (const struct list *list = r->list; list <= r->list + r->chunks; list++) {
-        if (list->lowest >= last || list->highest < first) continue;
-        for (int64_t p = list->first; p < list->first + list->n; p++)
-            if (r->cell[p] >= first && r->cell[p] < last) r->slot[p] = r->counts[r->cell[p]]++;
-    }
-}
-
-/* Find the number of slots of each tile. */
-GR_SHARED(size_tiles, struct regroup, gr_number_of_tiles(&r->tiles), r)
-{
-    (void)chunk;
-    for (int64_t tile = first; tile < last; tile++) {
-        int32_t most = 0;
-        for (int64_t c = tile * GR_LANES; c < (tile + 1) * GR_LANES && c < r->tiles.n_cells; c++)
-            most = r->counts[c] > most ? r->counts[c] : most;
-        r->offset[tile] = GR_LANES * gr_rows_of_tile(most);
-    }
-}
-
-GR_SHARED(find_sharing, struct regroup, r->n_active, r)
+GR_SHARED(find_sharing, struct gr_regroup, r->n_active, r)
 {
     (void)chunk;
     for (int64_t c = first; c < last; c++) r->e->ranks->sharing[c] = (uint8_t)gr_sharing_of(r->e, r->cells[c]);
 }
 
 /* List the occupied cells and their neighbours; of those of other ranks only the ones that this rank has, too. */
-static int list_active(struct regroup *r)
+static int list_active(struct gr_regroup *r)
 {
     struct gr_engine *e = r->e;
-    int64_t *occupied = NULL, n = r->n_occupied, here = 0;
-    int error = e->ranks ? gr_ranks_list_occupied(e, r->listed, r->n_occupied, &occupied, &n) : GR_OK;
-    if (!error &&
-        gr_spread(e, GR_SPREAD_CELLS, occupied ? occupied : r->listed, n, r->team, r->chunks, &r->cells, &r->n_active))
-        error = GR_ERR_MEMORY;
+    int64_t *occupied = NULL, n = r->n_listed, here = 0;
+    int error = e->ranks ? gr_ranks_list_occupied(e, r->listed, r->n_listed, &occupied, &n) : GR_OK;
+    if (!error)
+        error =
+            gr_spread(e, GR_SPREAD_CELLS, occupied ? occupied : r->listed, n, r->team, r->chunks, &r->cells, &r->n_active);
     gr_free(occupied);
     if (!error && e->ranks) error = gr_ranks_reserve_sharing(e->ranks, (1 + (e->bodies.n_thin > 0)) * r->n_active);
     if (error || !e->ranks) return error;
@@ -294,32 +148,37 @@ static int list_active(struct regroup *r)
     return GR_OK;
 }
 
+/* Count the points of the new cells, and give these their slots. */
+static int count_points(struct gr_regroup *r)
+{
+    const int64_t n = r->tiles.n_cells, n_tiles = gr_number_of_tiles(&r->tiles);
+    r->counts = r->list ? gr_calloc((size_t)n + 1, sizeof *r->counts) : gr_malloc(((size_t)n + 1) * sizeof *r->counts);
+    r->offset = gr_malloc(sizeof *r->offset * (size_t)(n_tiles + 1));
+    if (!r->list) r->before = gr_malloc(sizeof *r->before * (size_t)(n + 1));
+    if (!r->counts || !r->offset || !(r->list || r->before)) return GR_ERR_MEMORY;
+    if (r->list)
+        gr_count_listed(r);
+    else
+        GR_MAKE(count_points, r, n);
+    GR_MAKE(size_tiles, r, n_tiles);
+    const int error = gr_make_places(r->e, r->offset, n_tiles, &r->total);
+    r->offset[n_tiles] = r->total;
+    return error;
+}
+
 /* List the active cells, make tiles of them, and count the points of each. next_of, set here, becomes cell_of. */
-static int list_cells(struct regroup *r)
+static int list_cells(struct gr_regroup *r)
 {
     struct gr_engine *e = r->e;
-    r->n_occupied = merge_listed(r);
-    const int error = list_active(r);
+    int error = list_active(r);
     if (error) return error;
-    if (e->bodies.n_thin && split_cells(r)) return GR_ERR_MEMORY;
-    if (gr_make_tiles(&r->tiles, e, r->cells, r->sides, r->n_active) ||
-        gr_table_fill(&e->mesh.next_of, r->cells, r->tiles.lane, r->n_active, r->team, r->chunks))
-        return GR_ERR_MEMORY;
-    const int64_t n_tiles = gr_number_of_tiles(&r->tiles);
-    r->counts = gr_calloc((size_t)r->tiles.n_cells + 1, sizeof *r->counts);
-    r->offset = gr_malloc(sizeof *r->offset * (size_t)(n_tiles + 1));
-    if (!r->counts || !r->offset) return GR_ERR_MEMORY;
-    number_cells(r);
-    count_new(r);
-    size_tiles(r);
-    for (int64_t tile = 0; tile <= n_tiles; tile++) {
-        const int64_t slots = r->offset[tile];
-        r->offset[tile] = r->total;
-        if (tile < n_tiles) r->total += slots;
-    }
-    r->moves = (struct gr_moves){
-        .e = e, .team = r->team, .chunks = r->chunks, .used = r->total > e->points.used ? r->total : e->points.used};
-    return GR_OK;
+    if (e->bodies.n_thin && gr_split_cells(r)) return GR_ERR_MEMORY;
+    error = gr_make_tiles(&r->tiles, e, r->cells, r->sides, r->n_active, r->team, r->chunks);
+    if (!error) error = gr_fill_table(e, &e->mesh.next_of, r->cells, r->tiles.lane, r->n_active, r->team, r->chunks);
+    if (!error) error = count_points(r);
+    const int64_t used = r->total > e->points.used ? r->total : e->points.used;
+    r->moves = (struct gr_moves){.e = e, .team = r->team, .chunks = r->chunks, .used = used};
+    return error;
 }
 
 static int reserve_mesh(struct gr_engine *e, int64_t n_tiles)
@@ -354,7 +213,7 @@ static int reserve_mesh(struct gr_engine *e, int64_t n_tiles)
 }
 
 /* Calm of the new cells (mpm/sleep.h): as before, but a sleeping cell wakes if points have come to it. */
-GR_SHARED(keep_calm, struct regroup, r->tiles.n_cells, r)
+GR_SHARED(keep_calm, struct gr_regroup, r->tiles.n_cells, r)
 {
     (void)chunk;
     for (int64_t c = first; c < last; c++) {
@@ -367,32 +226,8 @@ GR_SHARED(keep_calm, struct regroup, r->tiles.n_cells, r)
     }
 }
 
-/* Set up the cells of the new tiles and clear their sums. The last tile is filled up with cells that lie where its last
- * does. */
-GR_SHARED(place_tiles, struct regroup, gr_number_of_tiles(&r->tiles), r)
-{
-    struct gr_engine *e = r->e;
-    const struct gr_tiles *tiles = &r->tiles;
-    (void)chunk;
-    for (int64_t c = first * GR_LANES; c < last * GR_LANES; c++) {
-        struct gr_cell *cell = &e->mesh.cell[c];
-        const int64_t tile = c / GR_LANES, source = c < tiles->n_cells ? c : tiles->n_cells - 1;
-        cell->offset = r->offset[tile] + c % GR_LANES;
-        cell->count = source == c ? r->counts[c] : 0;
-        cell->calm = r->calm && source == c ? r->calm[c] : 0;
-        cell->capacity = cell->rows = (int32_t)((r->offset[tile + 1] - r->offset[tile]) / GR_LANES);
-        cell->apart = 0;
-        cell->side = tiles->side && source == c ? tiles->side[c] : 0;
-        gr_indices_of_cell(e, tiles->cell[source], cell->at);
-        cell->flags = gr_map_get(&e->config.cell_flags, cell->at);
-    }
-    memset(e->mesh.tile_changed + first, 0, (size_t)(last - first));
-    memset((char *)e->sums.data + gr_bytes_of_sums(e, tiles->block[first]), 0,
-           gr_bytes_of_sums(e, tiles->block[last] - tiles->block[first]));
-}
-
 /* Set up the mesh of the new cells. */
-static void place_cells(struct regroup *r)
+static void make_mesh(struct gr_regroup *r)
 {
     struct gr_mesh *mesh = &r->e->mesh;
     const struct gr_tiles *tiles = &r->tiles;
@@ -402,11 +237,10 @@ static void place_cells(struct regroup *r)
     mesh->n_cells = tiles->n_cells;
     mesh->n_front = tiles->n_front;
     mesh->n_tiles = gr_number_of_tiles(tiles);
-    memcpy(mesh->tile_joins, tiles->joins, (size_t)mesh->n_tiles);
-    memcpy(mesh->tile_block, tiles->block, sizeof *tiles->block * (size_t)(mesh->n_tiles + 1));
+    mesh->tile_block[mesh->n_tiles] = tiles->block[mesh->n_tiles];
     gr_note_size(r->e, tiles->block[mesh->n_tiles], r->total);
-    memset(r->e->sums.data, 0, gr_bytes_of_sums(r->e, GR_FIRST_BLOCK));
-    place_tiles(r);
+    GR_MAKE(clear_sums, r, tiles->block[mesh->n_tiles]);
+    GR_MAKE(place_cells, r, mesh->n_tiles * GR_LANES);
     mesh->n_paired = 0;
     for (int64_t c = 0; r->sides && c < mesh->n_cells; c++) {
         mesh->other[c] = tiles->other[c];
@@ -416,28 +250,19 @@ static void place_cells(struct regroup *r)
 
 /* ---- The points in their new slots ---- */
 
-GR_SHARED(clear_from, struct regroup, r->moves.used, r)
+/* Find where the points go, before the cells are replaced. */
+static int find_moves(struct gr_regroup *r)
 {
-    (void)chunk;
-    for (int64_t s = first; s < last; s++) r->moves.from[s] = GR_SPARE;
-}
-
-GR_LISTED(find_slots)
-{
-    for (int64_t p = list->first; p < list->first + list->n; p++)
-        r->moves.from[gr_slot(&r->e->mesh.cell[r->cell[p]], r->slot[p])] = r->source[p];
-}
-
-static void move_points(struct regroup *r)
-{
-    clear_from(r);
-    find_slots(r);
-    gr_move_points(&r->moves);
-    r->e->points.used = r->total;
+    int error = gr_reserve_moves(&r->moves);
+    if (error) return error;
+    if (r->before) GR_MAKE(find_moves, r, r->tiles.n_cells);
+    error = gr_device_wait(r->e);
+    if (!r->before && !error) gr_find_listed_moves(r);
+    return error;
 }
 
 /* Find the places of the active cells on the fluidity grid. */
-GR_SHARED(find_fluidity, struct regroup, r->tiles.n_cells, r)
+GR_SHARED(find_fluidity, struct gr_regroup, r->tiles.n_cells, r)
 {
     const struct gr_engine *e = r->e;
     (void)chunk;
@@ -447,21 +272,8 @@ GR_SHARED(find_fluidity, struct regroup, r->tiles.n_cells, r)
     }
 }
 
-static int reserve_points(struct regroup *r)
+static int note_calm(struct gr_regroup *r)
 {
-    const size_t n = (size_t)r->e->points.n + 1;
-    r->list = gr_calloc((size_t)r->chunks + 1, sizeof *r->list);
-    r->source = gr_malloc(sizeof *r->source * n);
-    r->slot = gr_malloc(sizeof *r->slot * n);
-    r->cell = gr_malloc(sizeof *r->cell * n);
-    r->listed = gr_malloc(sizeof *r->listed * 2 * n);
-    return r->list && r->source && r->slot && r->cell && r->listed ? GR_OK : GR_ERR_MEMORY;
-}
-
-static int reserve_slots(struct regroup *r)
-{
-    const int error = gr_reserve_moves(&r->moves);
-    if (error) return error;
     if (!r->e->sleep) return GR_OK;
     r->calm = gr_malloc(sizeof *r->calm * ((size_t)r->tiles.n_cells + 1));
     if (!r->calm) return GR_ERR_MEMORY;
@@ -469,25 +281,26 @@ static int reserve_slots(struct regroup *r)
     return GR_OK;
 }
 
-static void free_regroup(struct regroup *r)
+static void free_regroup(struct gr_regroup *r)
 {
-    void *const owned[] = {r->list,  r->source, r->slot,   r->cell,   r->listed,
-                           r->cells, r->sides,  r->counts, r->offset, r->calm};
+    void *const owned[] = {r->listed, r->found, r->occupied, r->newcomer, r->fresh, r->before,
+                           r->sides,  r->cells, r->counts,   r->calm,     r->offset};
     for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) gr_free(owned[k]);
+    gr_free_listing(r);
     gr_free_tiles(&r->tiles);
-    gr_free_moves(&r->moves);
 }
 
 int gr_has_emptied(const struct gr_engine *e)
 {
     int64_t occupied = 0;
     if (e->clock.step % EMPTIED_INTERVAL) return 0;
+    if (e->device) return 4 * gr_device_occupied(e) < 3 * e->mesh.n_occupied;
     for (int64_t c = 0; c < e->mesh.n_cells; c++) occupied += e->mesh.cell[c].count > 0;
     return 4 * occupied < 3 * e->mesh.n_occupied;
 }
 
 /* Agree on whether all ranks have slots for their points. One that has waits for those that have not. */
-static int agree_on_slots(struct regroup *r, int error)
+static int agree_on_slots(struct gr_regroup *r, int error)
 {
     struct gr_engine *e = r->e;
     const int agreed = gr_ranks_agree(e, error, NULL, 0);
@@ -506,9 +319,8 @@ static int agree_on_ghosts(struct gr_engine *e, int error)
 
 int gr_regroup(struct gr_engine *e, struct gr_team *team)
 {
-    struct regroup r = {.e = e, .team = team, .chunks = e->points.n > FEW_POINTS ? gr_chunks(team, GR_MAX_CHUNKS) : 1};
-    int error = reserve_points(&r);
-    if (!error) error = list_points(&r);
+    struct gr_regroup r = {.e = e, .team = team, .chunks = e->points.n > FEW_POINTS ? gr_chunks(team, GR_MAX_CHUNKS) : 1};
+    int error = list_occupied(&r);
     if (e->ranks) gr_ranks_note_bodies(e);
     if (e->ranks) error = gr_ranks_agree(e, error, NULL, 0);
     if (!error) error = list_cells(&r);
@@ -516,18 +328,21 @@ int gr_regroup(struct gr_engine *e, struct gr_team *team)
         e->migration.needed_capacity = r.total + r.total / GROWTH;
         error = GR_ERR_CAPACITY;
     }
-    if (!error) error = reserve_slots(&r);
+    if (!error) error = find_moves(&r);
+    if (!error) error = note_calm(&r);
     if (!error) error = reserve_mesh(e, gr_number_of_tiles(&r.tiles));
     if (!error) error = gr_reserve_sums(e, r.tiles.block[gr_number_of_tiles(&r.tiles)]);
     if (e->ranks) error = agree_on_slots(&r, error);
     if (error) goto out; /* the old cells remain */
-    place_cells(&r);
-    move_points(&r);
+    make_mesh(&r);
+    gr_move_points(&r.moves);
+    e->points.used = r.total;
+    error = gr_device_wait(e);
     e->migration.n_pending = 0;
     e->sums.valid = 0;
     e->sums.n_dirty = 0;
     e->mesh.n_occupied = r.n_occupied;
-    error = gr_connect(e, &r.tiles, team, r.chunks);
+    if (!error) error = gr_connect(e, &r.tiles, team, r.chunks);
     if (!error && e->nonlocal.fluidity) error = gr_fluidity_cover(e->nonlocal.fluidity, r.cells, r.sides, r.n_active);
     if (!error && e->nonlocal.fluidity) find_fluidity(&r);
     if (e->ranks) error = agree_on_ghosts(e, error);

@@ -140,33 +140,10 @@ int gr_ranks_has_number(const struct gr_engine *e, const int32_t at[3])
     return gr_owner(e->ranks, cell) == e->ranks->transport.rank;
 }
 
-/* True if the cells from x = `first` to `last` of the row of a cell that are in the grid belong to one rank, and their nodes
- * follow each other. */
-static int is_of_one_rank(const struct gr_engine *e, const int32_t at[3], int64_t first, int64_t last)
-{
-    const struct gr_axis *axis = &e->axis[0];
-    const int owner = gr_owner(e->ranks, at);
-    if (axis->periodic && (first < 0 || last >= axis->n_cells)) return 0;
-    if (first < 0) first = 0;
-    if (last >= axis->n_cells) last = axis->n_cells - 1;
-    for (int64_t x = first; x <= last; x++) {
-        const int32_t near[3] = {(int32_t)x, at[1], at[2]};
-        if (gr_owner(e->ranks, near) != owner) return 0;
-        if (x > first && axis->cell[x].node[0] != axis->cell[x - 1].node[0] + 1) return 0;
-    }
-    return 1;
-}
-
 int gr_node_is_mixed(const struct gr_engine *e, const int32_t at[3], int a)
 {
     const int k = gr_basis_nodes_1d(e->config.basis);
-    return !is_of_one_rank(e, at, at[0] + a - (k - 1), at[0] + a);
-}
-
-int gr_is_mixed(const struct gr_engine *e, const int32_t at[3])
-{
-    const int k = gr_basis_nodes_1d(e->config.basis);
-    return !is_of_one_rank(e, at, at[0] - (k - 1), at[0] + k - 1);
+    return !gr_is_of_one_rank(e, at, at[0] + a - (k - 1), at[0] + a);
 }
 
 /* ---- Bodies ---- */

@@ -101,6 +101,23 @@ static inline int gr_owner(const struct gr_ranks *ranks, const int32_t at[3])
     return ranks->owner[((int64_t)(at[2] / edge) * n[1] + at[1] / edge) * n[0] + at[0] / edge];
 }
 
+/* True if the cells from x = `first` to `last` of the row of a cell that are in the grid belong to one rank, and their nodes
+ * follow each other. */
+static inline int gr_is_of_one_rank(const struct gr_engine *e, const int32_t at[3], int64_t first, int64_t last)
+{
+    const struct gr_axis *axis = &e->axis[0];
+    const int owner = gr_owner(e->ranks, at);
+    if (axis->periodic && (first < 0 || last >= axis->n_cells)) return 0;
+    if (first < 0) first = 0;
+    if (last >= axis->n_cells) last = axis->n_cells - 1;
+    for (int64_t x = first; x <= last; x++) {
+        const int32_t near[3] = {(int32_t)x, at[1], at[2]};
+        if (gr_owner(e->ranks, near) != owner) return 0;
+        if (x > first && axis->cell[x].node[0] != axis->cell[x - 1].node[0] + 1) return 0;
+    }
+    return 1;
+}
+
 /* Place of a cell in the order of the cells of meshes: that of the grid, and those behind thin bodies last. */
 static inline int64_t gr_order_of_cell(const struct gr_engine *e, const struct gr_cell *cell)
 {
@@ -176,7 +193,11 @@ int gr_ranks_in(const struct gr_engine *e, const int64_t low[3], const int64_t h
 
 /* True if a cell along the first axis from a cell, so near that they have a node in common, may belong to another rank, or their
  * nodes do not follow each other. */
-int gr_is_mixed(const struct gr_engine *e, const int32_t at[3]);
+static inline int gr_is_mixed(const struct gr_engine *e, const int32_t at[3])
+{
+    const int k = gr_basis_nodes_1d(e->config.basis);
+    return !gr_is_of_one_rank(e, at, at[0] - (k - 1), at[0] + k - 1);
+}
 
 /* True if so does one of the cells of the node number a in a row of nodes of a cell. */
 int gr_node_is_mixed(const struct gr_engine *e, const int32_t at[3], int a);

@@ -4,8 +4,9 @@
 #include "core/team.h"
 #include "mpm/numbers.h"
 
-/* Number of rows of a tile whose fullest cell has `most` points. */
-int32_t gr_rows_of_tile(int32_t most);
+/* Number of rows of a tile whose fullest cell has `most` points. One row more: a tile that needs more gets them when it does,
+ * while spare rows of all tiles are memory. An empty tile has a row for the first points of a front. */
+static inline int32_t gr_rows_of_tile(int32_t most) { return most + 1; }
 
 /* Give a tile more rows, once until all points are grouped anew. They lie behind all slots in use.
  * Returned: 0 if it has been given some, or if the buffers have no slots left. */
@@ -13,24 +14,21 @@ int gr_grow_tile(struct gr_engine *e, int64_t tile);
 
 #define GR_SPARE INT64_MIN
 
-/* Work space to move all points to new slots. */
+/* Work space to move all points to new slots: the memory of migrants behind the pending points, which has none then. */
 struct gr_moves {
     struct gr_engine *e;
     struct gr_team *team;
     int64_t chunks, used; /* slots in use before or after */
     int64_t *from;        /* per new slot: the old one of its point, -1 - k for pending point k, or GR_SPARE */
-    char *scratch;        /* two columns of the points */
-    struct gr_column *columns;
-    int64_t column; /* the one to be moved */
+    void *copy[2];        /* of columns of the points */
+    int64_t column;       /* the one to be moved */
 };
 
-/* Reserve the work space, in which no slot has a point yet. */
+/* Reserve the work space, in which no slot has a point yet. Returned: 0 or GR_ERR_MEMORY. */
 int gr_reserve_moves(struct gr_moves *moves);
 
 /* Move the points to the slots in which the cells of the mesh have them. */
 void gr_move_points(struct gr_moves *moves);
-
-void gr_free_moves(struct gr_moves *moves);
 
 /* Put a slot into the middle of its cell. */
 static inline void gr_center_slot(struct gr_engine *e, const struct gr_cell *cell, int64_t slot)

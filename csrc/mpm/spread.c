@@ -6,8 +6,15 @@
 #include "mpm/spread.h"
 
 #include "core/memory.h"
+#include "mpm/device.h"
+#include "mpm/places.h"
 
 enum { WORD = 64 };
+
+/* A row of the given cells: its number, which of them are in it, and where along the row the first and the last one are. */
+struct given {
+    int64_t number, begin, end, low, high;
+};
 
 /* A row that leads to another one. */
 struct lead {
@@ -15,22 +22,24 @@ struct lead {
 };
 
 /* A row of the result: its number, what leads to it, its bits and where its indices begin in the list. */
-struct row {
+struct bit_row {
     int64_t number, lead, n_leads;
     int64_t low, word, n_words; /* bit 0 is index `low` of the row */
     int64_t begin;
 };
 
 struct spread {
-    const struct gr_engine *e;
-    enum gr_spread what;
+    struct gr_engine *e;
     struct gr_team *team;
-    int64_t chunks, n_x[2]; /* cells in a row; indices in a row of the result */
+    int64_t chunks;
+    enum gr_spread what;
+    int64_t n_x[2]; /* cells in a row; indices in a row of the result */
     const int64_t *cell;
-    int64_t n_given, *given; /* where the rows of the given cells begin; n_given + 1 */
+    int64_t n_given, *rows_of; /* rows; per chunk of the cells: rows that begin in it, then those that begin before */
+    struct given *given;
     int64_t n_leads, n_rows;
     struct lead *lead; /* twice as many, to sort them */
-    struct row *row;
+    struct bit_row *row;
     uint64_t *bits;
     int64_t *out;
 };
@@ -50,20 +59,76 @@ static void lead_along(const struct gr_engine *e, enum gr_spread what, int d, in
     }
 }
 
-/* Find the rows of the given cells. */
+/* True if cell k is the first in its row. */
+static int begins_row(const struct spread *s, int64_t k)
+{
+    return !k || s->cell[k] / s->n_x[0] != s->cell[k - 1] / s->n_x[0];
+}
+
+GR_DEFINE_PASS(count_given_rows, struct spread, s)
+{
+    int64_t n = 0;
+    for (int64_t k = first; k < last; k++) n += begins_row(s, k);
+    s->rows_of[chunk] = n;
+}
+
+/* List the rows of the given cells. A row ends before the next one begins, perhaps in another chunk. */
+GR_DEFINE_PASS(list_given_rows, struct spread, s)
+{
+    int64_t next = s->rows_of[chunk];
+    for (int64_t k = first; k < last; k++) {
+        if (!begins_row(s, k)) continue;
+        if (k) s->given[next - 1].end = k, s->given[next - 1].high = s->cell[k - 1] % s->n_x[0];
+        struct given *const given = &s->given[next++];
+        given->number = s->cell[k] / s->n_x[0], given->begin = k, given->low = s->cell[k] % s->n_x[0];
+    }
+}
+
+/* Set the bits of the rows, and count them. */
+GR_DEFINE_PASS(set_bits, struct spread, s)
+{
+    for (struct bit_row *row = s->row + first; row < s->row + last; row++) {
+        uint64_t *bits = s->bits + row->word;
+        for (int64_t w = 0; w < row->n_words; w++) bits[w] = 0;
+        for (int64_t k = row->lead; k < row->lead + row->n_leads; k++) {
+            const struct given *given = &s->given[s->lead[k].row];
+            for (int64_t c = given->begin; c < given->end; c++) {
+                int64_t to[3];
+                lead_along(e, s->what, 0, s->cell[c] - given->number * s->n_x[0], to);
+                for (int a = 0; a < 3; a++)
+                    if (to[a] >= 0) bits[(to[a] - row->low) / WORD] |= (uint64_t)1 << (to[a] - row->low) % WORD;
+            }
+        }
+        for (int64_t w = row->begin = 0; w < row->n_words; w++) row->begin += __builtin_popcountll(bits[w]);
+    }
+}
+
+/* List the indices of the bits. */
+GR_DEFINE_PASS(read_bits, struct spread, s)
+{
+    for (const struct bit_row *row = s->row + first; row < s->row + last; row++) {
+        int64_t *out = s->out + row->begin;
+        for (int64_t w = 0; w < row->n_words; w++)
+            for (uint64_t bits = s->bits[row->word + w]; bits; bits &= bits - 1)
+                *out++ = row->number * s->n_x[1] + row->low + w * WORD + __builtin_ctzll(bits);
+    }
+}
+
+#ifndef GR_ON_DEVICE
+/* Find the rows of the n given cells. */
 static int find_given(struct spread *s, int64_t n)
 {
-    int64_t end = -1; /* of the row */
-    s->n_given = 0;
-    for (int64_t k = 0; k < n; k++)
-        if (s->cell[k] >= end) end = (s->cell[k] / s->n_x[0] + 1) * s->n_x[0], s->n_given++;
+    const int64_t pieces = gr_pass_chunks(s->e, n, s->chunks);
+    s->rows_of = gr_malloc(sizeof *s->rows_of * (size_t)(pieces + 1));
+    if (!s->rows_of) return GR_ERR_MEMORY;
+    GR_MAKE_IN(count_given_rows, s, n, pieces);
+    int error = gr_make_places(s->e, s->rows_of, pieces, &s->n_given);
     s->given = gr_malloc(sizeof *s->given * (size_t)(s->n_given + 1));
     if (!s->given) return GR_ERR_MEMORY;
-    end = -1, s->n_given = 0;
-    for (int64_t k = 0; k < n; k++)
-        if (s->cell[k] >= end) end = (s->cell[k] / s->n_x[0] + 1) * s->n_x[0], s->given[s->n_given++] = k;
-    s->given[s->n_given] = n;
-    return GR_OK;
+    if (!error) GR_MAKE_IN(list_given_rows, s, n, pieces);
+    if (!error) error = gr_device_wait(s->e);
+    if (n && !error) s->given[s->n_given - 1].end = n, s->given[s->n_given - 1].high = s->cell[n - 1] % s->n_x[0];
+    return error;
 }
 
 /* Sort the leads by the row to which they lead, and keep the order of those to the same row. */
@@ -91,7 +156,7 @@ static void list_leads(struct spread *s)
     int64_t largest = 0;
     s->n_leads = 0;
     for (int64_t r = 0; r < s->n_given; r++) {
-        const int64_t number = s->cell[s->given[r]] / s->n_x[0];
+        const int64_t number = s->given[r].number;
         int64_t to_y[3], to_z[3];
         lead_along(s->e, s->what, 1, number % y->n_cells, to_y);
         lead_along(s->e, s->what, 2, number / y->n_cells, to_z);
@@ -105,11 +170,11 @@ static void list_leads(struct spread *s)
     sort_leads(s, largest);
 }
 
-/* Widen the range [low, high] of a row by the indices to which a cell leads. */
-static void widen(const struct spread *s, int64_t cell, int64_t *low, int64_t *high)
+/* Widen the range [low, high] of a row by the indices to which a cell at x leads. */
+static void widen(const struct spread *s, int64_t x, int64_t *low, int64_t *high)
 {
     int64_t to[3];
-    lead_along(s->e, s->what, 0, cell % s->n_x[0], to);
+    lead_along(s->e, s->what, 0, x, to);
     for (int a = 0; a < 3; a++) {
         if (to[a] < 0) continue;
         if (to[a] < *low) *low = to[a];
@@ -125,13 +190,13 @@ static int64_t list_rows(struct spread *s)
     int64_t words = 0;
     s->n_rows = 0;
     for (int64_t k = 0; k < s->n_leads;) {
-        struct row *row = &s->row[s->n_rows++];
+        struct bit_row *row = &s->row[s->n_rows++];
         int64_t low = INT64_MAX, high = -1;
-        *row = (struct row){.number = s->lead[k].to, .lead = k, .word = words};
+        *row = (struct bit_row){.number = s->lead[k].to, .lead = k, .word = words};
         for (; k < s->n_leads && s->lead[k].to == row->number; k++) {
-            const int64_t r = s->lead[k].row;
-            widen(s, s->cell[s->given[r]], &low, &high);
-            widen(s, s->cell[s->given[r + 1] - 1], &low, &high);
+            const struct given *given = &s->given[s->lead[k].row];
+            widen(s, given->low, &low, &high);
+            widen(s, given->high, &low, &high);
         }
         row->n_leads = k - row->lead;
         row->low = low;
@@ -141,39 +206,7 @@ static int64_t list_rows(struct spread *s)
     return words;
 }
 
-/* Set the bits of the rows, and count them. */
-GR_SHARED(set_bits, struct spread, s->n_rows, s)
-{
-    (void)chunk;
-    for (struct row *row = s->row + first; row < s->row + last; row++) {
-        uint64_t *bits = s->bits + row->word;
-        memset(bits, 0, sizeof *bits * (size_t)row->n_words);
-        for (int64_t k = row->lead; k < row->lead + row->n_leads; k++) {
-            const int64_t r = s->lead[k].row, begin = s->cell[s->given[r]] / s->n_x[0] * s->n_x[0];
-            for (int64_t c = s->given[r]; c < s->given[r + 1]; c++) {
-                int64_t to[3];
-                lead_along(s->e, s->what, 0, s->cell[c] - begin, to);
-                for (int a = 0; a < 3; a++)
-                    if (to[a] >= 0) bits[(to[a] - row->low) / WORD] |= (uint64_t)1 << (to[a] - row->low) % WORD;
-            }
-        }
-        for (int64_t w = row->begin = 0; w < row->n_words; w++) row->begin += __builtin_popcountll(bits[w]);
-    }
-}
-
-/* List the indices of the bits. */
-GR_SHARED(read_bits, struct spread, s->n_rows, s)
-{
-    (void)chunk;
-    for (const struct row *row = s->row + first; row < s->row + last; row++) {
-        int64_t *out = s->out + row->begin;
-        for (int64_t w = 0; w < row->n_words; w++)
-            for (uint64_t bits = s->bits[row->word + w]; bits; bits &= bits - 1)
-                *out++ = row->number * s->n_x[1] + row->low + w * WORD + __builtin_ctzll(bits);
-    }
-}
-
-int gr_spread(const struct gr_engine *e, enum gr_spread what, const int64_t *cells, int64_t n, struct gr_team *team,
+int gr_spread(struct gr_engine *e, enum gr_spread what, const int64_t *cells, int64_t n, struct gr_team *team,
               int64_t chunks, int64_t **out, int64_t *n_out)
 {
     const int64_t places = what == GR_SPREAD_NODES ? e->axis[0].n_nodes : e->axis[0].n_cells;
@@ -181,9 +214,10 @@ int gr_spread(const struct gr_engine *e, enum gr_spread what, const int64_t *cel
     struct spread s = {
         .e = e, .what = what, .team = team, .chunks = chunks, .n_x = {e->axis[0].n_cells, places}, .cell = cells};
     struct lead *leads = 0;
-    int error = GR_ERR_MEMORY;
     *n_out = 0;
-    if (find_given(&s, n)) goto out;
+    int error = find_given(&s, n);
+    if (error) goto out;
+    error = GR_ERR_MEMORY;
     leads = s.lead = gr_malloc(sizeof *leads * (2 * most * (size_t)s.n_given + 1));
     if (!leads) goto out;
     list_leads(&s);
@@ -191,21 +225,26 @@ int gr_spread(const struct gr_engine *e, enum gr_spread what, const int64_t *cel
     if (!s.row) goto out;
     s.bits = gr_malloc(sizeof *s.bits * (size_t)(list_rows(&s) + 1));
     if (!s.bits) goto out;
-    set_bits(&s);
-    for (int64_t r = 0; r < s.n_rows; r++) {
+    GR_MAKE(set_bits, &s, s.n_rows);
+    error = gr_device_wait(e);
+    for (int64_t r = 0; r < s.n_rows && !error; r++) {
         const int64_t count = s.row[r].begin;
         s.row[r].begin = *n_out;
         *n_out += count;
     }
     s.out = gr_malloc(sizeof *s.out * (size_t)(*n_out + 1));
-    if (!s.out) goto out;
-    read_bits(&s);
-    *out = s.out;
-    error = GR_OK;
+    if (!s.out) error = GR_ERR_MEMORY;
+    if (error) goto out;
+    GR_MAKE(read_bits, &s, s.n_rows);
+    error = gr_device_wait(e);
+    if (!error) *out = s.out;
 out:
+    if (error) gr_free(s.out);
+    gr_free(s.rows_of);
     gr_free(s.given);
     gr_free(leads);
     gr_free(s.row);
     gr_free(s.bits);
     return error;
 }
+#endif

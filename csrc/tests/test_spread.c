@@ -10,7 +10,7 @@
 enum { CELLS = 7 * 7 * 7, NODES = 9 * 9 * 9, CHUNKS = 5 };
 
 struct task {
-    const struct gr_engine *e;
+    struct gr_engine *e;
     enum gr_spread what;
     int64_t n, cells[CELLS];
 };

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "core/error.h"
+#include "mpm/fill_table.h"
 #include "tests/check.h"
 #include "tests/faults.h"
 #include "tests/scene.h"
@@ -55,6 +56,7 @@ TEST(without_memory)
 struct filling {
     int64_t n, index[MOST];
     struct gr_table *t;
+    struct gr_engine *e;
 };
 
 static void fill(void *context, struct gr_team *team)
@@ -64,7 +66,7 @@ static void fill(void *context, struct gr_team *team)
     memset(plain, 0, sizeof plain);
     for (int64_t k = filling->n; k-- > 0;) plain[filling->index[k]] = (int32_t)(k + 1);
     for (int64_t chunks = 1; chunks < 40; chunks += 6) {
-        CHECK(gr_table_fill(filling->t, filling->index, NULL, filling->n, team, chunks) == GR_OK);
+        CHECK(gr_fill_table(filling->e, filling->t, filling->index, NULL, filling->n, team, chunks) == GR_OK);
         int wrong = 0;
         for (int64_t i = 0; i < MOST; i++) wrong += gr_table_get(filling->t, i) != plain[i];
         CHECK(!wrong);
@@ -74,12 +76,13 @@ static void fill(void *context, struct gr_team *team)
 /* Ascending indices, some of them twice: of equal ones the least number counts. */
 TEST(filled_by_a_team)
 {
+    static struct gr_engine e; /* of processors */
     struct gr_table t;
     CHECK(gr_table_new(&t, MOST) == GR_OK);
     CHECK(gr_table_set(&t, MOST - 1, 7) == GR_OK); /* is forgotten */
     for (int threads = 1; threads <= 3; threads++)
         for (int dense = 0; dense < 3; dense++) {
-            struct filling filling = {.t = &t};
+            struct filling filling = {.t = &t, .e = &e};
             for (int64_t i = 0; i < MOST - 1; i++)
                 for (int copy = 0; copy < 2 && filling.n < MOST; copy++)
                     if (scene_random(0, 1) < 0.2 * dense) filling.index[filling.n++] = i;
@@ -87,7 +90,7 @@ TEST(filled_by_a_team)
         }
     faults_at(1);
     const int64_t index = 5;
-    CHECK(gr_table_fill(&t, &index, NULL, 1, NULL, 1) == GR_ERR_MEMORY);
+    CHECK(gr_fill_table(&e, &t, &index, NULL, 1, NULL, 1) == GR_ERR_MEMORY);
     CHECK(faults_end() && gr_table_get(&t, index) == 0);
     gr_table_free(&t);
 }

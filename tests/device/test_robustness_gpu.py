@@ -31,6 +31,7 @@ FLAGS = [
 FLAGS += ["-DGR_ON_DEVICE", "-DGR_ONE_LANE", "-DGR_ISA=gpu", f"-I{ROOT}/csrc", f"-I{FOLDER}"]
 
 BEGIN = """
+    import os
     import sys
     import warnings
 
@@ -83,8 +84,12 @@ def said(driver, script, **faults):
 
 @pytest.mark.slow
 def test_a_gpu_has_the_bits_of_a_processor(driver):
-    """Both precisions, planes and rings, averages, XPIC, an inflow, bodies, sleep, restarts."""
+    """Both precisions, planes, rings, averages, XPIC, inflow, bodies, sleep, groupings."""
     script = """
+        def slots(sim):
+            sim._engine.regroup()
+            return {name: array.tobytes() for name, array in sim.buffers.items()}
+
         def check(name, numbers, steps=80, **scheme):
             by_hand = {"bodies": bed_with_bodies, "sleep": sleeping_bed}
             scene = (by_hand.get(name) or gr.scenes.registry[name])(**numbers)
@@ -96,6 +101,10 @@ def test_a_gpu_has_the_bits_of_a_processor(driver):
             point = gpu.checkpoint()
             gpu = gr.Simulation.from_checkpoint(scene, point, device="gpu")
             gpu.step(steps - steps // 2)
+            assert bits(one) == bits(gpu)
+            assert slots(one) == slots(gpu)
+            one.step(5)
+            gpu.step(5)
             assert gpu._engine.foreign_array() is None
             print(name, bits(one) == bits(gpu))
 
@@ -173,8 +182,10 @@ def test_a_gpu_that_is_lost_is_said_and_the_record_goes_on(driver, launches, tmp
     """The run ends in any stage of a step; a processor goes on from the last checkpoint."""
     script = f"""
         scene, path = gr.scenes.column_collapse(cell=0.05), {str(tmp_path / "run.h5")!r}
+        gpu = gr.Simulation(scene, device="gpu")
+        os.environ["FAKE_GPU"] = "lost"
         try:
-            gr.Simulation(scene, device="gpu").run(until=0.3, save=path, every=1e-3)
+            gpu.run(until=0.3, save=path, every=1e-3)
         except gr.SimulationError as error:
             print(error, error.step)
         sim = gr.Simulation.resume(path, threads=1)
@@ -183,10 +194,29 @@ def test_a_gpu_that_is_lost_is_said_and_the_record_goes_on(driver, launches, tmp
         alone.run(until=0.01, every=1e-3, save={str(tmp_path / "alone.h5")!r})
         print(bits(sim) == bits(alone))
     """
-    lines = said(driver, script, FAKE_GPU="lost", FAKE_LAUNCHES=launches).splitlines()
+    lines = said(driver, script, FAKE_LAUNCHES=launches).splitlines()
     assert "the device has failed in step" in lines[0]
     assert "it was lost (error 719 of the driver)" in lines[0]
     assert lines[1] == "True"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", [True, False])
+@pytest.mark.parametrize("launches", [0, 3, 8, 13, 20, 40, 60])
+def test_a_gpu_that_is_lost_while_points_are_grouped_is_said(driver, launches, first):
+    """They are grouped when a simulation is made, too."""
+    script = f"""
+        try:
+            if {first}:
+                os.environ["FAKE_GPU"] = "lost"
+            sim = gr.Simulation(gr.scenes.column_collapse(cell=0.05), device="gpu")
+            os.environ["FAKE_GPU"] = "lost"
+            sim._engine.regroup()
+            sim.step()
+        except gr.SimulationError as error:
+            print(error)
+    """
+    assert "the device has failed" in said(driver, script, FAKE_LAUNCHES=launches)
 
 
 def test_the_kernels_for_gpus_are_whole():

@@ -9,6 +9,7 @@
 #define fabs __builtin_fabs
 #define rint __builtin_rint
 #define sqrt __builtin_sqrt
+#define floor __builtin_floor
 #define isfinite(x) __builtin_isfinite(x)
 
 /* As the functions of a processor, to the sign of zero. */

@@ -1,0 +1,235 @@
+/* The passes of a regrouping over cells and points (passes.h). */
+#include "mpm/passes.h"
+
+#include "mpm/numbers.h"
+#include "mpm/regroup.h"
+
+/* ---- The cells that hold points ---- */
+
+/* Number of the points of a cell that are not in it. */
+static int64_t strays_of(const struct gr_engine *e, const struct gr_cell *cell)
+{
+    int64_t strays = 0;
+    for (int32_t k = 0; k < cell->count; k++) {
+        const int64_t slot = gr_slot(cell, k);
+        int inside = 1;
+        for (int d = 0; d < e->config.dim; d++) {
+            const struct gr_axis_cell *part = &e->axis[d].cell[cell->at[d]];
+            const double x = gr_x(e, d)[slot];
+            inside &= x >= part->begin && x < part->end;
+        }
+        strays += !inside;
+    }
+    return strays;
+}
+
+GR_DEFINE_PASS(find_occupied, struct gr_regroup, r)
+{
+    struct gr_found found = {0, 0};
+    for (const struct gr_cell *cell = e->mesh.cell + first; cell < e->mesh.cell + last; cell++) {
+        found.occupied += cell->count > 0;
+        found.strays += strays_of(e, cell);
+    }
+    r->found[chunk] = found;
+}
+
+GR_DEFINE_PASS(list_occupied, struct gr_regroup, r)
+{
+    int64_t n = r->found[chunk].occupied;
+    for (const struct gr_cell *cell = e->mesh.cell + first; cell < e->mesh.cell + last; cell++)
+        if (cell->count) r->occupied[n++] = gr_cell_id(e, cell->at);
+}
+
+/* Number of the newcomers whose cells have a lower index in the grid. */
+static int64_t newcomers_before(const struct gr_regroup *r, int64_t cell)
+{
+    int64_t low = 0, high = r->n_newcomers;
+    while (low < high) {
+        const int64_t middle = (low + high) / 2;
+        if (r->newcomer[middle].cell < cell)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+/* Number of the old cells with points whose index is at most that of a cell. */
+static int64_t occupied_up_to(const struct gr_regroup *r, int64_t cell)
+{
+    int64_t low = 0, high = r->n_before;
+    while (low < high) {
+        const int64_t middle = (low + high) / 2;
+        if (r->occupied[middle] <= cell)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+/* Merge the cells of the newcomers, which are the items behind the old cells, with these. */
+GR_DEFINE_PASS(merge_occupied, struct gr_regroup, r)
+{
+    for (int64_t k = first; k < last; k++) {
+        if (k < r->n_before) {
+            r->listed[k + newcomers_before(r, r->occupied[k])] = r->occupied[k];
+            continue;
+        }
+        const int64_t n = k - r->n_before, cell = r->newcomer[n].cell, before = occupied_up_to(r, cell);
+        const int again = n && r->newcomer[n - 1].cell == cell;
+        r->listed[n + before] = cell;
+        r->fresh[n] = !again && !(before && r->occupied[before - 1] == cell);
+    }
+}
+
+/* ---- The new cells ---- */
+
+/* Find the new cells among the old ones, and count their points. */
+GR_DEFINE_PASS(count_points, struct gr_regroup, r)
+{
+    for (int64_t c = first; c < last; c++) {
+        const int64_t cell = r->tiles.cell[c], before = (int64_t)gr_table_get(&e->mesh.cell_of, cell) - 1;
+        r->before[c] = (int32_t)before;
+        r->counts[c] = before < 0 ? 0 : e->mesh.cell[before].count;
+        if (r->n_newcomers) r->counts[c] += (int32_t)(newcomers_before(r, cell + 1) - newcomers_before(r, cell));
+    }
+}
+
+/* Find the number of slots of each tile. */
+GR_DEFINE_PASS(size_tiles, struct gr_regroup, r)
+{
+    for (int64_t tile = first; tile < last; tile++) {
+        int32_t most = 0;
+        for (int64_t c = tile * GR_LANES; c < (tile + 1) * GR_LANES && c < r->tiles.n_cells; c++)
+            most = r->counts[c] > most ? r->counts[c] : most;
+        r->offset[tile] = GR_LANES * gr_rows_of_tile(most);
+    }
+}
+
+/* Set up the new tiles and their cells. The last tile is filled up with cells that lie where its last does. */
+GR_DEFINE_PASS(place_cells, struct gr_regroup, r)
+{
+    const struct gr_tiles *tiles = &r->tiles;
+    for (int64_t c = first; c < last; c++) {
+        struct gr_cell *cell = &e->mesh.cell[c];
+        const int64_t tile = c / GR_LANES, source = c < tiles->n_cells ? c : tiles->n_cells - 1;
+        cell->offset = r->offset[tile] + c % GR_LANES;
+        cell->count = source == c ? r->counts[c] : 0;
+        cell->calm = r->calm && source == c ? r->calm[c] : 0;
+        cell->capacity = cell->rows = (int32_t)((r->offset[tile + 1] - r->offset[tile]) / GR_LANES);
+        cell->apart = 0;
+        cell->side = tiles->side && source == c ? tiles->side[c] : 0;
+        gr_indices_of_cell(e, tiles->cell[source], cell->at);
+        cell->flags = gr_map_get(&e->config.cell_flags, cell->at);
+        if (c % GR_LANES) continue;
+        e->mesh.tile_changed[tile] = 0;
+        e->mesh.tile_joins[tile] = tiles->joins[tile];
+        e->mesh.tile_block[tile] = tiles->block[tile];
+    }
+}
+
+/* Clear the sums of the tiles, of which an item is a number. */
+GR_DEFINE_PASS(clear_sums, struct gr_regroup, r)
+{
+    double *const sums = e->sums.data;
+    float *const in_single = e->sums.data;
+    (void)r;
+    for (int64_t k = first; !e->config.single && k < last; k++) sums[k] = 0;
+    for (int64_t k = first; e->config.single && k < last; k++) in_single[k] = 0;
+}
+
+/* ---- The points in their new slots ---- */
+
+GR_DEFINE_PASS(clear_moves, struct gr_moves, m)
+{
+    for (int64_t s = first; s < last; s++) m->from[s] = GR_SPARE;
+}
+
+/* Find from where the points of the new cells move: those that are there, in their order, then the newcomers. */
+GR_DEFINE_PASS(find_moves, struct gr_regroup, r)
+{
+    for (int64_t c = first; c < last; c++) {
+        const struct gr_cell *const before = r->before[c] < 0 ? 0 : &e->mesh.cell[r->before[c]];
+        const int32_t here = before ? before->count : 0;
+        for (int32_t k = 0; k < here; k++) r->moves.from[gr_new_slot(r, c, k)] = gr_slot(before, k);
+        if (here == r->counts[c]) continue;
+        const struct gr_newcomer *newcomer = r->newcomer + newcomers_before(r, r->tiles.cell[c]);
+        for (int32_t k = here; k < r->counts[c]; k++, newcomer++)
+            r->moves.from[gr_new_slot(r, c, k)] = -1 - newcomer->number;
+    }
+}
+
+/* Numbers as they are in the buffers: doubles and ids; floats. */
+typedef int64_t wide __attribute__((may_alias));
+typedef float narrow __attribute__((may_alias));
+
+/* A component of a field, or the ids. Pending points have it as 8 bytes, which a buffer of floats takes as a float. */
+struct column {
+    void *number;
+    const void *pending; /* of pending point k at k x stride */
+    int64_t stride, spare;
+    int is_wide;
+};
+
+static struct column column_of(const struct gr_engine *e, int64_t k)
+{
+    const int n = e->points.n_components;
+    if (k == n) return (struct column){e->points.id, e->migration.pending_id, 1, -1, 1};
+    return (struct column){e->points.column[k], e->migration.pending + k, n, 0, k < e->points.n_doubles};
+}
+
+/* Copy the numbers of a column for the slots [first, last) in their new order. */
+static void reorder_wide(const struct gr_moves *m, const struct column *column, int64_t first, int64_t last, wide *copy)
+{
+    const wide *const old = column->number, *const pending = column->pending;
+    for (int64_t s = first; s < last; s++) {
+        const int64_t from = m->from[s];
+        copy[s] = from >= 0 ? old[from] : from == GR_SPARE ? column->spare : pending[(-1 - from) * column->stride];
+    }
+}
+
+static void reorder_narrow(const struct gr_moves *m, const struct column *column, int64_t first, int64_t last, narrow *copy)
+{
+    const narrow *const old = column->number;
+    const double *const pending = column->pending;
+    for (int64_t s = first; s < last; s++) {
+        const int64_t from = m->from[s];
+        copy[s] = from >= 0 ? old[from] : from == GR_SPARE ? 0 : (float)pending[(-1 - from) * column->stride];
+    }
+}
+
+/* Copy the numbers of a column back. */
+static void bring_back(const struct column *column, int64_t first, int64_t last, const void *copy)
+{
+    wide *const to = column->number;
+    narrow *const to_narrow = column->number;
+    const wide *const from = copy;
+    const narrow *const from_narrow = copy;
+    for (int64_t s = first; column->is_wide && s < last; s++) to[s] = from[s];
+    for (int64_t s = first; !column->is_wide && s < last; s++) to_narrow[s] = from_narrow[s];
+}
+
+/* Move a column of the points to its copy, and the copy of the one before back. */
+GR_DEFINE_PASS(move_column, struct gr_moves, m)
+{
+    const int64_t k = m->column, columns = e->points.n_components + 1;
+    if (k > 0) {
+        const struct column column = column_of(e, k - 1);
+        bring_back(&column, first, last, m->copy[(k - 1) % 2]);
+    }
+    if (k == columns) return;
+    const struct column column = column_of(e, k);
+    if (column.is_wide)
+        reorder_wide(m, &column, first, last, m->copy[k % 2]);
+    else
+        reorder_narrow(m, &column, first, last, m->copy[k % 2]);
+}
+
+/* Put spare slots into the middle of their cells; all else is 0 there already. */
+GR_DEFINE_PASS(center_spare, struct gr_moves, m)
+{
+    (void)m;
+    for (const struct gr_cell *cell = e->mesh.cell + first; cell < e->mesh.cell + last; cell++)
+        for (int32_t k = cell->count; k < cell->capacity; k++) gr_center_slot(e, cell, gr_slot(cell, k));
+}
