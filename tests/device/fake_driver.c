@@ -3,6 +3,7 @@
  * make sooner sees what was there before. FAKE_GPU names a fault: none, old_driver, old_gpu, little_memory, or lost, after as
  * many launches as FAKE_LAUNCHES says. */
 #include <dlfcn.h>
+#include <pthread.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
@@ -29,6 +30,7 @@ static struct job {
     int64_t n, threads;
 } waiting[MOST_WAITING];
 static int n_waiting;
+static pthread_mutex_t guard = PTHREAD_MUTEX_INITIALIZER; /* of all this: threads may call a driver at once */
 
 static void do_all(void)
 {
@@ -41,11 +43,12 @@ static void do_all(void)
     n_waiting = 0;
 }
 
-static struct job *next_job(void)
+static void add_job(const struct job *job)
 {
+    pthread_mutex_lock(&guard);
     if (n_waiting == MOST_WAITING) do_all();
-    waiting[n_waiting] = (struct job){0};
-    return &waiting[n_waiting++];
+    waiting[n_waiting++] = *job;
+    pthread_mutex_unlock(&guard);
 }
 
 static int has(const char *fault)
@@ -68,7 +71,13 @@ EXPORT int cuDeviceGetAttribute(int *value, int which, int device)
 EXPORT int cuDevicePrimaryCtxRetain(void **context, int device) { return *context = &launches, device; }
 EXPORT int cuCtxSetCurrent(void *context) { return context != &launches; }
 EXPORT int cuCtxSetLimit(int limit, size_t value) { return limit || value < 1024; }
-EXPORT int cuCtxSynchronize(void) { return do_all(), 0; }
+EXPORT int cuCtxSynchronize(void)
+{
+    pthread_mutex_lock(&guard);
+    do_all();
+    pthread_mutex_unlock(&guard);
+    return 0;
+}
 EXPORT int cuLinkCreate_v2(unsigned n, int *options, void **values, void **link)
 {
     (void)options, (void)values;
@@ -94,11 +103,10 @@ EXPORT int cuLaunchKernel(void *function, unsigned x, unsigned y, unsigned z, un
     (void)stream, (void)more;
     if (y != 1 || z != 1 || ty != 1 || tz != 1 || shared || !x) return 1;
     if (has("lost") && launches++ >= atol(getenv("FAKE_LAUNCHES"))) return 719;
-    struct job *job = next_job();
-    memcpy(&job->launch, arguments[0], sizeof job->launch);
-    memcpy(&job->n, arguments[1], sizeof job->n);
-    job->function = (entry *)(uintptr_t)function;
-    job->threads = (int64_t)x * threads;
+    struct job job = {.function = (entry *)(uintptr_t)function, .threads = (int64_t)x * threads};
+    memcpy(&job.launch, arguments[0], sizeof job.launch);
+    memcpy(&job.n, arguments[1], sizeof job.n);
+    add_job(&job);
     return 0;
 }
 EXPORT int cuMemGetInfo_v2(size_t *free, size_t *total)
@@ -118,8 +126,10 @@ EXPORT int cuMemPrefetchAsync(uint64_t block, size_t bytes, int device, void *st
 }
 EXPORT int cuMemcpyHtoDAsync_v2(uint64_t to, const void *from, size_t bytes, void *stream)
 {
-    struct job *job = next_job();
+    const struct job job = {.to = (void *)(uintptr_t)to, .from = malloc(bytes), .bytes = bytes};
     (void)stream;
-    job->to = (void *)(uintptr_t)to, job->bytes = bytes;
-    return !(job->from = malloc(bytes)) || !memcpy(job->from, from, bytes);
+    if (!job.from) return 2;
+    memcpy(job.from, from, bytes);
+    add_job(&job);
+    return 0;
 }
