@@ -36,7 +36,7 @@
     X(rest, tile)          \
     X(wake, cell)
 
-/* The same of a step, and of all else. */
+/* The same of a step, and of everything. */
 #define GR_DEVICE_STAGES(X)   \
     X(p2g, cell)              \
     X(p2g_dirty, cell)        \
