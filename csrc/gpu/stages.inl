@@ -206,12 +206,12 @@ static void thread_occupied(const struct gr_launch *launch, int64_t i)
 
 /* ---- The passes of a regrouping ---- */
 
-#define GR_X(pass, item)                                                        \
-    static void thread_##pass(const struct gr_launch *launch, int64_t i)        \
-    {                                                                           \
-        int64_t first, last;                                                    \
-        gr_share(launch->items, i, launch->chunks, &first, &last);              \
-        gr_pass_##pass(launch->e, launch->work, first, last, i);                \
+#define GR_X(pass, item)                                                 \
+    static void thread_##pass(const struct gr_launch *launch, int64_t i) \
+    {                                                                    \
+        int64_t first, last;                                             \
+        gr_share(launch->items, i, launch->chunks, &first, &last);       \
+        gr_pass_##pass(launch->e, launch->work, first, last, i);         \
     }
 GR_REGROUP_PASSES(GR_X)
 #undef GR_X
