@@ -80,7 +80,7 @@ static int list_by_cells(struct gr_regroup *r)
     r->occupied = gr_malloc(sizeof *r->occupied * (size_t)(r->n_before + 1));
     r->listed = gr_malloc(sizeof *r->listed * (size_t)(r->n_listed + 1));
     if (!r->occupied || !r->listed) return GR_ERR_MEMORY;
-    GR_MAKE_IN(list_occupied, r, r->e->mesh.n_cells, r->n_found);
+    GR_MAKE_IN(list_occupied, r, r->e->mesh.n_cells, r->n_surveys);
     GR_MAKE(merge_occupied, r, r->n_listed);
     error = gr_device_wait(r->e);
     for (int64_t n = 0; n < r->n_newcomers && !error; n++) r->n_occupied += r->fresh[n];
@@ -95,16 +95,16 @@ static int are_in_cells(struct gr_regroup *r, int *in_cells)
     int64_t strays = 0;
     *in_cells = 0;
     if (!e->mesh.n_cells || e->bodies.n_thin || e->ranks) return GR_OK;
-    r->n_found = gr_pass_chunks(e, e->mesh.n_cells, r->chunks);
-    r->found = gr_malloc(sizeof *r->found * (size_t)r->n_found);
-    if (!r->found) return GR_ERR_MEMORY;
-    GR_MAKE_IN(find_occupied, r, e->mesh.n_cells, r->n_found);
+    r->n_surveys = gr_pass_chunks(e, e->mesh.n_cells, r->chunks);
+    r->survey = gr_malloc(sizeof *r->survey * (size_t)r->n_surveys);
+    if (!r->survey) return GR_ERR_MEMORY;
+    GR_MAKE_IN(find_occupied, r, e->mesh.n_cells, r->n_surveys);
     const int error = gr_device_wait(e);
-    for (int64_t c = 0; c < r->n_found && !error; c++) {
-        const int64_t occupied = r->found[c].occupied;
-        r->found[c].occupied = r->n_before;
+    for (int64_t c = 0; c < r->n_surveys && !error; c++) {
+        const int64_t occupied = r->survey[c].occupied;
+        r->survey[c].occupied = r->n_before;
         r->n_before += occupied;
-        strays += r->found[c].strays;
+        strays += r->survey[c].strays;
     }
     *in_cells = !strays;
     return error;
@@ -283,8 +283,8 @@ static int note_calm(struct gr_regroup *r)
 
 static void free_regroup(struct gr_regroup *r)
 {
-    void *const owned[] = {r->listed, r->found, r->occupied, r->newcomer, r->fresh, r->before,
-                           r->sides,  r->cells, r->counts,   r->calm,     r->offset};
+    void *const owned[] = {r->listed, r->survey, r->occupied, r->newcomer, r->fresh, r->before,
+                           r->sides,  r->cells,  r->counts,   r->calm,     r->offset};
     for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) gr_free(owned[k]);
     gr_free_listing(r);
     gr_free_tiles(&r->tiles);

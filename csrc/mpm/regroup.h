@@ -19,7 +19,7 @@ struct gr_list {
 };
 
 /* What is found in a chunk of the old cells: how many hold points, and how many of these points are not in their cells. */
-struct gr_found {
+struct gr_survey {
     int64_t occupied, strays;
 };
 
@@ -35,8 +35,8 @@ struct gr_regroup {
     int64_t *listed; /* indices in the grid of the cells that will hold points, ascending; some may be there twice */
     int64_t n_listed;
     /* of points in their cells */
-    struct gr_found *found; /* per chunk of the old cells; then `occupied` is the number of those before the chunk */
-    int64_t n_found;
+    struct gr_survey *survey; /* per chunk of the old cells; then `occupied` is the number of those before the chunk */
+    int64_t n_surveys;
     int64_t *occupied;            /* indices in the grid of the old cells that hold points */
     int64_t n_before;             /* their number */
     struct gr_newcomer *newcomer; /* by cells, then by numbers */

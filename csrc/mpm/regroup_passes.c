@@ -25,17 +25,17 @@ static int64_t strays_of(const struct gr_engine *e, const struct gr_cell *cell)
 
 GR_DEFINE_PASS(find_occupied, struct gr_regroup, r)
 {
-    struct gr_found found = {0, 0};
+    struct gr_survey survey = {0, 0};
     for (const struct gr_cell *cell = e->mesh.cell + first; cell < e->mesh.cell + last; cell++) {
-        found.occupied += cell->count > 0;
-        found.strays += strays_of(e, cell);
+        survey.occupied += cell->count > 0;
+        survey.strays += strays_of(e, cell);
     }
-    r->found[chunk] = found;
+    r->survey[chunk] = survey;
 }
 
 GR_DEFINE_PASS(list_occupied, struct gr_regroup, r)
 {
-    int64_t n = r->found[chunk].occupied;
+    int64_t n = r->survey[chunk].occupied;
     for (const struct gr_cell *cell = e->mesh.cell + first; cell < e->mesh.cell + last; cell++)
         if (cell->count) r->occupied[n++] = gr_cell_id(e, cell->at);
 }

@@ -1,4 +1,4 @@
-"""Grouping of the points on a device: the cells and slots of a processor, however points move."""
+"""The grouping of the points on a device: cells and slots are those of a processor."""
 
 import numpy as np
 import pytest
