@@ -6,7 +6,7 @@ void GR_FLUIDITY_THREAD(const struct gr_launch *launch, enum gr_device_stage sta
 #define GR_CALL_FLUIDITY GR_FLUIDITY_THREAD
 #else
 
-/* True if a pass belongs to a search that has ended before: a device goes on until it is told. */
+/* True if a pass belongs to a search that has ended already (has_ended in fluidity/diffuse.c). */
 static int is_late(const struct gr_diffusion_work *w)
 {
     const int of_search = w->which == GR_PASS_multiply || w->which == GR_PASS_descend || w->which == GR_PASS_turn;
