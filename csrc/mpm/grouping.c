@@ -3,7 +3,8 @@
  * memory grows with the material.
  *
  * A team does the work in passes, or the device of the engine (passes.h). Each chunk of a pass has cells, tiles, points or
- * slots of its own, and no order depends on their number: the points of a new cell are in the order in which all are listed. */
+ * slots of its own, and no order depends on their number: the points of a new cell are in the order in which all are
+ * listed. */
 #include "mpm/grouping.h"
 
 #include <math.h>
@@ -20,7 +21,6 @@
 #include "mpm/listing.h"
 #include "mpm/places.h"
 #include "mpm/sleep.h"
-#include "mpm/slots.h"
 #include "mpm/spread.h"
 #include "mpm/thin_bodies.h"
 #include "mpm/tiles.h"
