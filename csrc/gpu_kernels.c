@@ -14,6 +14,7 @@
 #include "mpm/connect.c"
 #include "mpm/fill_table.c"
 #include "mpm/grid.c"
+#include "mpm/moves.c"
 #include "mpm/packing.c"
 #include "mpm/places.c"
 #include "mpm/regroup_passes.c"

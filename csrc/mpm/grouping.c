@@ -2,8 +2,9 @@
  * same number of slots for each cell of the tile. Only these active cells and their nodes exist for the kernels, so that
  * memory grows with the material.
  *
- * A team does the work in passes. Each chunk of a pass has cells, tiles, points or slots of its own, and no order depends on
- * their number: the points of a new cell are in the order in which all are listed. */
+ * A team does the work in passes, or the device of the engine (passes.h). Each chunk of a pass has cells, tiles, points or
+ * slots of its own, and no order depends on their number: the points of a new cell are in the order in which all are
+ * listed. */
 #include "mpm/grouping.h"
 
 #include <math.h>
@@ -20,7 +21,6 @@
 #include "mpm/listing.h"
 #include "mpm/places.h"
 #include "mpm/sleep.h"
-#include "mpm/slots.h"
 #include "mpm/spread.h"
 #include "mpm/thin_bodies.h"
 #include "mpm/tiles.h"

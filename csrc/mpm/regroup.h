@@ -5,7 +5,7 @@
  * replaced, with thin bodies and with ranks the points are listed one by one (listing.h); the new order is the same. */
 #pragma once
 
-#include "mpm/slots.h"
+#include "mpm/moves.h"
 #include "mpm/tiles.h"
 
 /* Points that are listed together: of a share of the old cells, or the pending ones. */

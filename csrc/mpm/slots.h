@@ -1,7 +1,6 @@
-/* Rows of slots of a tile, and the way of all points to new slots. */
+/* Rows of slots of a tile. */
 #pragma once
 
-#include "core/team.h"
 #include "mpm/numbers.h"
 
 /* Number of rows of a tile whose fullest cell has `most` points. One row more: a tile that needs more gets them when it does,
@@ -11,24 +10,6 @@ static inline int32_t gr_rows_of_tile(int32_t most) { return most + 1; }
 /* Give a tile more rows, once until all points are grouped anew. They lie behind all slots in use.
  * Returned: 0 if it has been given some, or if the buffers have no slots left. */
 int gr_grow_tile(struct gr_engine *e, int64_t tile);
-
-#define GR_SPARE INT64_MIN
-
-/* Work space to move all points to new slots: the memory of migrants behind the pending points, which has none then. */
-struct gr_moves {
-    struct gr_engine *e;
-    struct gr_team *team;
-    int64_t chunks, used; /* slots in use before or after */
-    int64_t *from;        /* per new slot: the old one of its point, -1 - k for pending point k, or GR_SPARE */
-    void *copy[2];        /* of columns of the points */
-    int64_t column;       /* the one to be moved */
-};
-
-/* Reserve the work space, in which no slot has a point yet. Returned: 0 or GR_ERR_MEMORY. */
-int gr_reserve_moves(struct gr_moves *moves);
-
-/* Move the points to the slots in which the cells of the mesh have them. */
-void gr_move_points(struct gr_moves *moves);
 
 /* Put a slot into the middle of its cell. */
 static inline void gr_center_slot(struct gr_engine *e, const struct gr_cell *cell, int64_t slot)

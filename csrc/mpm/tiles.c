@@ -61,7 +61,7 @@ static int order_layers(struct gr_tiles *tiles, const int64_t *cells, const int8
 {
     const size_t size = (size_t)n + 1;
     int64_t at = 0, *const cell = gr_malloc(size * sizeof *cell);
-    tiles->cell = cell;
+    tiles->cell = tiles->ordered = cell;
     tiles->side = gr_malloc(size * sizeof *tiles->side);
     tiles->other = gr_malloc(size * sizeof *tiles->other);
     tiles->lane = gr_malloc(size * sizeof *tiles->lane);
@@ -102,7 +102,7 @@ int gr_make_tiles(struct gr_tiles *tiles, struct gr_engine *e, const int64_t *ce
 
 void gr_free_tiles(struct gr_tiles *tiles)
 {
-    if (tiles->side) gr_free(tiles->cell);
+    gr_free(tiles->ordered);
     gr_free(tiles->side);
     gr_free(tiles->other);
     gr_free(tiles->lane);

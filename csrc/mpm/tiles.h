@@ -8,6 +8,7 @@
 struct gr_tiles {
     int64_t n_cells, n_front; /* n_front: those of the first layer of the mesh */
     const int64_t *cell;      /* per lane: index in the grid, ascending in each layer */
+    int64_t *ordered;         /* the same with thin bodies, which is freed with the tiles; else NULL */
     int8_t *side;             /* per lane (enum gr_side_of_cell); NULL without thin bodies */
     int32_t *other;           /* per lane: the other side of a double cell, or -1; NULL without thin bodies */
     int32_t *lane;            /* of each of the given cells; NULL without thin bodies, where they are in this order */
