@@ -46,7 +46,7 @@ static void sum_groups(const struct gr_launch *launch)
 {
     const struct gr_diffusion_work *w = &launch->diffusion;
     const struct gr_device *d = launch->e->device;
-    const int64_t groups = (w->f->pages.n_chunks + GR_GROUP - 1) / GR_GROUP;
+    const int64_t groups = gr_groups_of(w->f->pages.n_chunks);
     double sum[2] = {0, 0};
     for (int s = 0; s < gr_sums_of_pass(w->which); s++) {
         struct gr_exact all = {.nan = 0};

@@ -1,5 +1,5 @@
 /* The threads for material that sleeps (mpm/sleep.h). */
-#include "mpm/sleep_cells.h"
+#include "mpm/sleep.h"
 
 static void thread_check(const struct gr_launch *launch, int64_t i)
 {

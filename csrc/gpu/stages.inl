@@ -102,14 +102,14 @@ static void thread_sweep(const struct gr_launch *launch, int64_t i)
 static void thread_place_of_cells(const struct gr_launch *launch, int64_t i)
 {
     struct gr_device *d = launch->e->device;
-    GR_PLACES(d->leaving, launch->e->mesh.n_tiles * GR_LANES, i * GR_GROUP, d->place[0]);
+    GR_PLACES(d->leaving, gr_lanes_of(launch->e), i * GR_GROUP, d->place[0]);
     d->of_group[i] = sum;
 }
 
 static void thread_place_of_groups(const struct gr_launch *launch, int64_t i)
 {
     struct gr_device *d = launch->e->device;
-    const int64_t groups = (launch->e->mesh.n_tiles * GR_LANES + GR_GROUP - 1) / GR_GROUP;
+    const int64_t groups = gr_groups_of(gr_lanes_of(launch->e));
     GR_PLACES(d->of_group, groups, i * GR_GROUP, d->place[1]);
     d->of_groups[i] = sum;
 }
@@ -117,7 +117,7 @@ static void thread_place_of_groups(const struct gr_launch *launch, int64_t i)
 static void thread_place_of_all(const struct gr_launch *launch, int64_t i)
 {
     struct gr_device *d = launch->e->device;
-    const int64_t in_all = (int64_t)GR_GROUP * GR_GROUP, n = (launch->e->mesh.n_tiles * GR_LANES + in_all - 1) / in_all;
+    const int64_t n = gr_groups_of(gr_groups_of(gr_lanes_of(launch->e)));
     int64_t sum = i;
     for (int64_t k = 0; k < n; sum += d->of_groups[k++]) d->place[2][k] = sum;
     d->counts.leaving = sum;

@@ -1,15 +1,10 @@
-/* Launches of the stages of a step, and the memory that points need on their way between cells (device.h). */
+/* Launches of the stages, and the memory of a device (device.h). */
 #include "mpm/device.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "core/memory.h"
-#include "mpm/packing.h"
-
-static int64_t groups_of(int64_t n) { return (n + GR_GROUP - 1) / GR_GROUP; }
-
-static int64_t lanes_of(const struct gr_engine *e) { return e->mesh.n_tiles * GR_LANES; }
 
 const char *gr_device_lacks(const struct gr_config *config)
 {
@@ -40,7 +35,7 @@ void gr_device_free(struct gr_device *device)
 static int reserve_cells(struct gr_device *d, int64_t n)
 {
     if (n <= d->n_cells) return GR_OK;
-    const int64_t cells = n + n / 2, groups = groups_of(cells), all = groups_of(groups);
+    const int64_t cells = n + n / 2, groups = gr_groups_of(cells), all = gr_groups_of(groups);
     d->n_cells = 0;
     GR_RESIZE(d->leaving, cells);
     GR_RESIZE(d->arrivals, cells);
@@ -58,7 +53,7 @@ static int reserve_cells(struct gr_device *d, int64_t n)
 int gr_device_reserve(struct gr_engine *e)
 {
     struct gr_device *d = e->device;
-    if (reserve_cells(d, lanes_of(e)) || gr_device_reserve_fluidity(e)) return GR_ERR_MEMORY;
+    if (reserve_cells(d, gr_lanes_of(e)) || gr_device_reserve_fluidity(e)) return GR_ERR_MEMORY;
     if (e->migration.pending_capacity <= d->n_points) return GR_OK;
     d->n_points = 0;
     GR_RESIZE(d->leaves, e->migration.pending_capacity);
@@ -115,49 +110,19 @@ void gr_make_pass(struct gr_team *team, enum gr_device_stage stage, gr_pass *pas
         gr_team_run(team, do_chunk, &shared, launch->chunks);
 }
 
-/* ---- Points between cells ---- */
-
-void gr_device_sweep(const struct gr_launch *launch)
-{
-    struct gr_engine *e = launch->e;
-    struct gr_device *d = e->device;
-    const int64_t lanes = lanes_of(e), groups = groups_of(lanes);
-    struct gr_migrants *list = &e->migration.leaving[0];
-    d->counts = (struct gr_device_counts){0};
-    gr_device_run(launch, GR_STAGE_sweep, lanes);
-    gr_device_run(launch, GR_STAGE_place_of_cells, groups);
-    gr_device_run(launch, GR_STAGE_place_of_groups, groups_of(groups));
-    gr_device_run(launch, GR_STAGE_place_of_all, 1);
-    gr_device_run(launch, GR_STAGE_pack, lanes);
-    if (gr_device_wait(e)) return;
-    gr_clear_migrants(list);
-    list->count = d->counts.leaving, list->invalid = d->counts.invalid;
-    list->outside = d->counts.outside, list->homeless = d->counts.homeless;
-}
-
-int gr_device_insert(struct gr_engine *e, struct gr_migrants *list, int *full)
-{
-    const struct gr_launch launch = {.e = e};
-    e->device->counts.full = 0;
-    if (!list->count) return GR_OK;
-    gr_device_run(&launch, GR_STAGE_post, list->count);
-    gr_device_run(&launch, GR_STAGE_arrive, lanes_of(e));
-    const int error = gr_device_wait(e);
-    *full = e->device->counts.full > 0;
-    return error;
-}
+/* ---- Sums over cells ---- */
 
 int gr_device_tally(struct gr_engine *e)
 {
     const struct gr_launch launch = {.e = e};
-    gr_device_run(&launch, GR_STAGE_tally, lanes_of(e));
+    gr_device_run(&launch, GR_STAGE_tally, gr_lanes_of(e));
     return gr_device_wait(e);
 }
 
 double gr_device_fastest(const struct gr_engine *e)
 {
     const struct gr_launch launch = {.e = (struct gr_engine *)e}; /* its threads only read it */
-    const int64_t groups = groups_of(lanes_of(e));
+    const int64_t groups = gr_groups_of(gr_lanes_of(e));
     double square = 0;
     gr_device_run(&launch, GR_STAGE_fastest, groups);
     if (gr_device_wait(launch.e)) return 0;
@@ -168,7 +133,7 @@ double gr_device_fastest(const struct gr_engine *e)
 int64_t gr_device_occupied(const struct gr_engine *e)
 {
     const struct gr_launch launch = {.e = (struct gr_engine *)e};
-    const int64_t groups = groups_of(lanes_of(e));
+    const int64_t groups = gr_groups_of(gr_lanes_of(e));
     int64_t occupied = 0;
     gr_device_run(&launch, GR_STAGE_occupied, groups);
     if (gr_device_wait(launch.e)) return e->mesh.n_cells;

@@ -88,6 +88,11 @@ typedef void gr_thread(const struct gr_launch *launch, int64_t i);
 
 enum { GR_GROUP = 64 }; /* cells, or groups of them, whose sums one thread makes */
 
+static inline int64_t gr_groups_of(int64_t n) { return (n + GR_GROUP - 1) / GR_GROUP; }
+
+/* Number of the cells of the tiles, of which the last may be none. */
+static inline int64_t gr_lanes_of(const struct gr_engine *e) { return e->mesh.n_tiles * GR_LANES; }
+
 /* What a step finds out about the points that leave their cells; and the number of cells that a stage of sleep counts. */
 struct gr_device_counts {
     int64_t leaving, invalid, outside, homeless, full; /* `full`: cells that could not take a point */
@@ -155,7 +160,7 @@ void gr_make_pass(struct gr_team *team, enum gr_device_stage stage, gr_pass *pas
 /* The chunks of a pass of n items that has something for each chunk. */
 static inline int64_t gr_pass_chunks(const struct gr_engine *e, int64_t n, int64_t of_team)
 {
-    return e->device ? (n + GR_GROUP - 1) / GR_GROUP : of_team;
+    return e->device ? gr_groups_of(n) : of_team;
 }
 
 /* Make a pass for n items, whose work w has the members e, team and chunks; and in so many chunks for a device, too. */

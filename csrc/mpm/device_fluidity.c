@@ -21,7 +21,7 @@ static void run_pass(void *context, const struct gr_diffusion_work *w)
     if (gr_pass_has_end(w->which)) gr_device_run(&launch, GR_STAGE_end_cells, places);
     if (!sums) return;
     if (!multiplies) gr_device_run(&launch, GR_STAGE_products, chunks * GR_PAGE);
-    gr_device_run(&launch, GR_STAGE_sums, (chunks + GR_GROUP - 1) / GR_GROUP);
+    gr_device_run(&launch, GR_STAGE_sums, gr_groups_of(chunks));
     gr_device_run(&launch, GR_STAGE_end_sums, 1);
 }
 
@@ -34,7 +34,7 @@ int gr_device_reserve_fluidity(struct gr_engine *e)
     if (chunks <= d->n_chunks) return GR_OK;
     d->n_chunks = 0;
     for (int s = 0; s < 2; s++) GR_RESIZE(d->products[s], chunks * GR_PAGE);
-    GR_RESIZE(d->exact, 2 * ((chunks + GR_GROUP - 1) / GR_GROUP));
+    GR_RESIZE(d->exact, 2 * gr_groups_of(chunks));
     d->n_chunks = chunks;
     return GR_OK;
 }

@@ -8,7 +8,6 @@
 #include "mpm/device.h"
 #include "mpm/pose.h"
 #include "mpm/ranks.h"
-#include "mpm/sleep_cells.h"
 
 int gr_sleep_new(struct gr_engine *e)
 {
