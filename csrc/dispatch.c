@@ -8,7 +8,11 @@ extern const struct gr_kernels gr_kernels_baseline;
 extern const struct gr_kernels gr_kernels_one_lane;
 #endif
 #ifdef GR_X86
-extern const struct gr_kernels gr_kernels_avx2, gr_kernels_avx512;
+extern const struct gr_kernels gr_kernels_avx2;
+#endif
+#if defined(GR_X86) && !defined(GR_WITHOUT_AVX512)
+#define HAS_AVX512
+extern const struct gr_kernels gr_kernels_avx512;
 #endif
 
 /* Whether the processor has a fused multiply-add; compilers use a function where one does not. */
@@ -27,7 +31,9 @@ const struct gr_kernels *gr_kernels_select(const char *name)
     int n = 0;
 #ifdef GR_X86
     __builtin_cpu_init();
+#ifdef HAS_AVX512
     if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq")) usable[n++] = &gr_kernels_avx512;
+#endif
     if (fuses()) usable[n++] = &gr_kernels_avx2;
 #endif
     usable[n++] = &gr_kernels_baseline;

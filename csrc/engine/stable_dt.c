@@ -52,7 +52,7 @@ static double fastest_of_points(const struct gr_engine *e, struct gr_team *team)
 
 double gr_stable_dt(const struct gr_engine *e, struct gr_team *team)
 {
-    double square = e->device && e->device->team ? gr_device_fastest(e) : fastest_of_points(e, team);
+    double square = e->device && e->device->makes_steps ? gr_device_fastest(e) : fastest_of_points(e, team);
     if (e->ranks) gr_ranks_find_largest(e, &square);
     double speed = fmax(sqrt(square), fmax(gr_bodies_speed(e), gr_inlets_speed(e->inflow)));
     for (int k = 0; k < e->config.n_walls; k++) {

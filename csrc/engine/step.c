@@ -27,12 +27,12 @@
 
 enum { DT_INTERVAL = GR_SLEEP_INTERVAL }; /* steps between two updates of the largest speed */
 
-/* Let material that has been slow fall asleep, and sum over the rest. Returned: 0 or an error of ranks. */
+/* Let material that has been slow fall asleep, and sum over the rest. Returned: 0 or an error of ranks or a device. */
 static int look_for_calm(struct gr_run *run)
 {
     struct gr_engine *e = run->e;
     int64_t calm = gr_sleep_count(e, run->team);
-    int error = e->ranks ? gr_ranks_agree(e, GR_OK, &calm, 1) : GR_OK;
+    int error = e->ranks ? gr_ranks_agree(e, GR_OK, &calm, 1) : e->failure.code; /* of a device */
     if (error || !calm) return error;
     e->sums.n_dirty = 0;
     if (e->ranks) error = gr_ghosts_exchange_calm(e);

@@ -53,7 +53,7 @@ static struct gr_link *find_kept(const struct gr_pool *pool, size_t *bytes)
 static size_t rounded_up(size_t bytes)
 {
     size_t unit = sizeof(struct gr_link);
-    while (unit < bytes / 16) unit *= 2;
+    while (2 * unit <= bytes / 16) unit *= 2;
     return (bytes + unit - 1) / unit * unit;
 }
 

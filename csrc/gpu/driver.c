@@ -37,6 +37,7 @@ typedef uint64_t address; /* of memory of the device */
       (void *, unsigned, unsigned, unsigned, unsigned, unsigned, unsigned, unsigned, void *, void **, void **)) \
     X(cuMemGetInfo_v2, (size_t *, size_t *))                                                                    \
     X(cuMemAlloc_v2, (address *, size_t))                                                                       \
+    X(cuMemHostAlloc, (void **, size_t, unsigned))                                                              \
     X(cuMemAllocManaged, (address *, size_t, unsigned))                                                         \
     X(cuMemFree_v2, (address))                                                                                  \
     X(cuMemPrefetchAsync, (address, size_t, int, void *))                                                       \
@@ -48,11 +49,13 @@ enum {
     MAJOR = 75,            /* attributes */
     MINOR = 76,
     MANAGED = 83,
+    CONCURRENT = 89, /* the processor may use managed memory while threads run */
     ATTACH_GLOBAL = 1,
     LIMIT_STACK = 0,
     INPUT_PTX = 1,
     STACK = 16384, /* bytes of a thread: twice the largest frame of a kernel (ptxas -v), for the calls in it */
-    BLOCK = 128    /* threads; not tuned */
+    BLOCK = 128,   /* threads; not tuned */
+    STAGED = 1 << 20
 };
 
 static struct {
@@ -62,6 +65,8 @@ static struct {
     void *context, *function[2][GR_STAGE_COUNT];
     address engine;        /* a copy of the engine that runs, and behind it one of the work of a pass */
     struct gr_engine last; /* what was copied last */
+    char *staged;          /* copies on their way: STAGED bytes that the GPU reads by itself */
+    size_t n_staged;
 #define X(name, types) int(*name) types;
     FUNCTIONS(X)
 #undef X
@@ -116,13 +121,32 @@ static void begin(struct gr_device *d)
     if (!*d->failure) gr_each_block(bring); /* only for speed: memory follows its use in any case */
 }
 
+/* Wait for all launches and copies. Returned: an error of the driver, as of the next ones. */
+static int synchronize(void)
+{
+    gpu.n_staged = 0;
+    return gpu.cuCtxSynchronize();
+}
+
+/* Copy to the memory of the GPU, after the launches so far. The source may change at once. */
+static int copy(address to, const void *from, size_t bytes)
+{
+    const size_t space = (bytes + 63) / 64 * 64;
+    const int error = gpu.n_staged + space > STAGED ? synchronize() : 0;
+    char *const staged = gpu.staged + gpu.n_staged;
+    if (error) return error;
+    memcpy(staged, from, bytes);
+    gpu.n_staged += space;
+    return gpu.cuMemcpyHtoDAsync_v2(to, staged, bytes, NULL);
+}
+
 /* Copy the engine to the GPU if it is not what is there: the processor changes it between launches, and its pages are not to
  * go to and fro. Returned: an error of the driver. */
 static int copy_engine(const struct gr_engine *e)
 {
-    if (!memcmp(&gpu.last, e, sizeof *e)) return 0;
-    memcpy(&gpu.last, e, sizeof *e);
-    return gpu.cuMemcpyHtoDAsync_v2(gpu.engine, &gpu.last, sizeof gpu.last, NULL);
+    const int same = !memcmp(&gpu.last, e, sizeof *e), error = same ? 0 : copy(gpu.engine, e, sizeof *e);
+    if (!same && !error) memcpy(&gpu.last, e, sizeof *e);
+    return error;
 }
 
 /* Engines of several threads take turns, launch by launch. */
@@ -140,7 +164,7 @@ static void run(const struct gr_launch *launch, enum gr_device_stage stage, int6
     enter(d);
     pthread_mutex_lock(&guard);
     if (!*d->failure) note(d, copy_engine(launch->e));
-    if (!*d->failure && launch->bytes) note(d, gpu.cuMemcpyHtoDAsync_v2(work, launch->work, launch->bytes, NULL));
+    if (!*d->failure && launch->bytes) note(d, copy(work, launch->work, launch->bytes));
     if (!*d->failure)
         note(d, gpu.cuLaunchKernel(gpu.function[launch->e->config.single][stage], (unsigned)blocks, 1, 1, BLOCK, 1, 1, 0,
                                    NULL, arguments, NULL));
@@ -150,7 +174,9 @@ static void run(const struct gr_launch *launch, enum gr_device_stage stage, int6
 static void wait(struct gr_device *d)
 {
     enter(d);
-    if (!*d->failure) note(d, gpu.cuCtxSynchronize());
+    pthread_mutex_lock(&guard);
+    note(d, synchronize()); /* after a failure, too: no thread may use memory that is given back then */
+    pthread_mutex_unlock(&guard);
 }
 
 const struct gr_backend gr_gpu = {.name = "gpu", .memory = {take, give}, .begin = begin, .run = run, .wait = wait};
@@ -191,19 +217,20 @@ static int load_driver(void)
 
 static int find_device(void)
 {
-    int n = 0, major = 0, minor = 0, managed = 0;
+    int n = 0, major = 0, minor = 0, managed = 0, concurrent = 0;
     int error = gpu.cuDeviceGetCount(&n);
     if (error || n < 1) REFUSE("the driver finds no GPU");
     if ((error = gpu.cuDeviceGet(&gpu.device, 0)) || (error = gpu.cuDeviceGetAttribute(&major, MAJOR, gpu.device)) ||
         (error = gpu.cuDeviceGetAttribute(&minor, MINOR, gpu.device)) ||
-        (error = gpu.cuDeviceGetAttribute(&managed, MANAGED, gpu.device)))
+        (error = gpu.cuDeviceGetAttribute(&managed, MANAGED, gpu.device)) ||
+        (error = gpu.cuDeviceGetAttribute(&concurrent, CONCURRENT, gpu.device)))
         return refuse_error("the GPU does not answer", error);
     if (10 * major + minor < OLDEST_GPU)
         REFUSE("the GPU is too old: it has compute capability %d.%d, must have %d.%d or higher", major, minor,
                OLDEST_GPU / 10, OLDEST_GPU % 10);
-    if (!managed) REFUSE("the GPU has no managed memory");
+    if (!managed || !concurrent) REFUSE("the GPU has no managed memory that a processor may use at the same time");
     if ((error = gpu.cuDevicePrimaryCtxRetain(&gpu.context, gpu.device)) || (error = gpu.cuCtxSetCurrent(gpu.context)) ||
-        (error = gpu.cuCtxSetLimit(LIMIT_STACK, STACK)) ||
+        (error = gpu.cuCtxSetLimit(LIMIT_STACK, STACK)) || (error = gpu.cuMemHostAlloc((void **)&gpu.staged, STAGED, 0)) ||
         (error = gpu.cuMemAlloc_v2(&gpu.engine, sizeof(struct gr_engine) + GR_MOST_WORK)))
         return refuse_error("the GPU cannot be used", error);
     return 0;

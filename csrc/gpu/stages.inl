@@ -217,11 +217,20 @@ static void thread_occupied(const struct gr_launch *launch, int64_t i)
 
 /* ---- The passes of a regrouping ---- */
 
+/* The items of a thread: one, or a chunk. */
+static void share_of_thread(const struct gr_launch *launch, int64_t i, int64_t *first, int64_t *last)
+{
+    if (launch->chunks == launch->items)
+        *first = i, *last = i + 1;
+    else
+        gr_share(launch->items, i, launch->chunks, first, last);
+}
+
 #define GR_X(pass, item)                                                 \
     static void thread_##pass(const struct gr_launch *launch, int64_t i) \
     {                                                                    \
         int64_t first, last;                                             \
-        gr_share(launch->items, i, launch->chunks, &first, &last);       \
+        share_of_thread(launch, i, &first, &last);                       \
         gr_pass_##pass(launch->e, launch->work, first, last, i);         \
     }
 GR_REGROUP_PASSES(GR_X)

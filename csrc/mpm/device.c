@@ -66,10 +66,15 @@ int gr_device_reserve(struct gr_engine *e)
 void gr_device_begin(struct gr_engine *e, struct gr_team *team)
 {
     e->device->team = team;
+    e->device->makes_steps = 1;
     e->device->backend->begin(e->device);
 }
 
-void gr_device_end(struct gr_engine *e) { e->device->team = NULL; }
+void gr_device_end(struct gr_engine *e)
+{
+    e->device->team = NULL;
+    e->device->makes_steps = 0;
+}
 
 int gr_device_wait(struct gr_engine *e)
 {

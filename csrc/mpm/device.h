@@ -116,7 +116,8 @@ struct gr_device {
     const struct gr_backend *backend;
     char failure[160];             /* of a launch, in words; empty before one fails, after which none is made */
     gr_thread *const *threads;     /* of the emulated device: the one-lane kernels of this machine */
-    struct gr_team *team;          /* that runs them while steps are made, else NULL */
+    int makes_steps;               /* 1 between gr_device_begin and gr_device_end */
+    struct gr_team *team;          /* that runs the threads of the emulated device then; NULL: the leader alone */
     int64_t n_cells, n_points;     /* for which there is memory */
     int32_t *leaving;              /* per cell: points that leave it in this step */
     uint8_t *leaves;               /* per slot: 1 if its point does */

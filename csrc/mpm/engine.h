@@ -166,7 +166,7 @@ struct gr_node_values {
     int64_t capacity; /* for the nodes, for whole vectors behind the last, and one that stands for none */
 };
 
-/* The cells near bodies, whose points may touch them; listed by contact/contact_points.c. */
+/* The cells near bodies, whose points may touch them; listed by contact/near_bodies.c. */
 struct gr_near_bodies {
     int64_t *cell;     /* ascending */
     uint64_t *bodies;  /* of these: bit b: body b */

@@ -68,7 +68,7 @@ int gr_fill_table(struct gr_engine *e, struct gr_table *t, const int64_t *index,
     int error = gr_device_wait(e);
     t->n_blocks = 1;
     f.blocks = gr_malloc(sizeof *f.blocks * (size_t)(pieces + 1));
-    if (!f.blocks) error = GR_ERR_MEMORY;
+    if (!f.blocks && !error) error = GR_ERR_MEMORY;
     if (error) goto out;
     GR_MAKE_IN(count_blocks, &f, n, pieces);
     error = gr_make_places(e, f.blocks, pieces, &blocks);

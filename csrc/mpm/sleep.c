@@ -65,7 +65,7 @@ void gr_sleep_wake_all(struct gr_engine *e)
     if (!e->sleep->asleep) return;
     e->sleep->asleep = 0;
     e->sleep->changed = 1;
-    if (e->device && e->device->team) { /* else no steps are made, but a body is driven from outside */
+    if (e->device && e->device->makes_steps) { /* else a body is driven from outside */
         run_stage(e, GR_STAGE_wake, e->mesh.n_cells);
         return;
     }
@@ -123,7 +123,7 @@ static int moves(const struct gr_body_state *body)
 }
 
 /* Keep the cells awake that a moving body may touch in the next steps. All whose centres are so near are listed
- * (contact_points.h). */
+ * (near_bodies.h). */
 static void wake_near_bodies(struct gr_engine *e)
 {
     const double near = 1.5 * e->config.dx;

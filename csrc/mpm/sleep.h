@@ -42,7 +42,8 @@ int gr_sleep_begin(struct gr_engine *e);
 /* Look whether the points are slow. Returned: the number of cells that may fall asleep. */
 int64_t gr_sleep_count(struct gr_engine *e, struct gr_team *team);
 
-/* Let cells fall asleep. Their tiles are added to `dirty`: their sums are to be made again, with the sums of the density. */
+/* Let cells fall asleep. Their sums are to be made again, with the sums of the density: their tiles are added to `dirty`, or a
+ * device makes them at once. */
 void gr_sleep_fall(struct gr_engine *e, struct gr_team *team);
 
 /* Find the uses of the nodes if they have changed. */

@@ -138,6 +138,16 @@ TEST(limits)
     gr_fluidity_free(f);
 }
 
+/* A fluidity whose square is no number has no residual: the search has no end. */
+TEST(squares_that_overflow)
+{
+    struct gr_fluidity_config config = plain(3, 1, 0);
+    struct gr_fluidity *f = built(&config);
+    f->g[0] = 1e200;
+    CHECK(run(f, "", GR_DIFFUSION_implicit, 1, 1, 1) == GR_ERR_DIVERGED);
+    gr_fluidity_free(f);
+}
+
 TEST(bad_lattices)
 {
     struct gr_fluidity *f;

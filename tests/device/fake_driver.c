@@ -1,6 +1,6 @@
 /* A driver of GPUs for tests, as libcuda.so.1: its GPU is the processor, which runs the kernels for GPUs, compiled from the
  * same file, one thread after the other. Launches wait until they are waited for, as those of a GPU may: who reads what they
- * make sooner sees what was there before. FAKE_GPU names a fault: none, old_driver, old_gpu, little_memory, or lost, after as
+ * make sooner sees what was there before. FAKE_GPU names a fault: none, old_driver, old_gpu, windows, little_memory, or lost, after as
  * many launches as FAKE_LAUNCHES says. */
 #include <dlfcn.h>
 #include <pthread.h>
@@ -65,7 +65,7 @@ EXPORT int cuDeviceGet(int *device, int k) { return *device = k, 0; }
 EXPORT int cuDeviceGetName(char *name, int size, int device) { return strncpy(name, "fake", (size_t)size), device; }
 EXPORT int cuDeviceGetAttribute(int *value, int which, int device)
 {
-    *value = which == 75 ? (has("old_gpu") ? 6 : 9) : which != 76;
+    *value = which == 75 ? (has("old_gpu") ? 6 : 9) : which == 89 ? !has("windows") : which != 76;
     return device;
 }
 EXPORT int cuDevicePrimaryCtxRetain(void **context, int device) { return *context = &launches, device; }
@@ -114,6 +114,7 @@ EXPORT int cuMemGetInfo_v2(size_t *free, size_t *total)
     return *free = has("little_memory") ? 1 << 20 : (size_t)8 << 30, *total = (size_t)8 << 30, 0;
 }
 EXPORT int cuMemAlloc_v2(uint64_t *block, size_t bytes) { return !(*block = (uint64_t)(uintptr_t)malloc(bytes)); }
+EXPORT int cuMemHostAlloc(void **block, size_t bytes, unsigned flags) { return flags || !(*block = malloc(bytes)); }
 EXPORT int cuMemAllocManaged(uint64_t *block, size_t bytes, unsigned flags)
 {
     return flags != 1 || cuMemAlloc_v2(block, bytes);

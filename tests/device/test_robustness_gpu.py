@@ -172,7 +172,8 @@ REFUSED = """
         ("none", "finds no GPU"),
         ("old_driver", "the driver is too old: it is of CUDA 11.4, must be of 12.0 or later"),
         ("old_gpu", "the GPU is too old: it has compute capability 6.0, must have 7.5"),
-        ("little_memory", "of memory, must be at most the 0.00098 GB that are available"),
+        ("windows", "no managed memory that a processor may use at the same time"),
+        ("little_memory", "of memory, must be at most the 0.00074 GB that are available"),
     ],
 )
 def test_a_gpu_that_cannot_be_used_says_why(driver, fault, why):
