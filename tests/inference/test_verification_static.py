@@ -26,6 +26,7 @@ FLAGS_MAY_WARN = pytest.mark.filterwarnings(
 MU = 0.5
 
 
+@pytest.mark.slow
 def test_known_forces_are_in_balance_and_admissible():
     """This checks the reference itself; 30 kPa on 39 mm are 1170 N per metre."""
     for case in [*pressed_discs(), pressed_spheres()]:

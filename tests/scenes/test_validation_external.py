@@ -106,7 +106,10 @@ def test_another_method_with_the_same_law_ends_near():
     assert ours["mean"][-1] == pytest.approx(theirs["mean"], rel=0.03)
 
 
-@pytest.mark.parametrize(("name", "number"), [("runout_laws", 2), ("limit_analysis", 5)])
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [("runout_laws", 2), pytest.param("limit_analysis", 5, marks=pytest.mark.slow)],
+)
 def test_every_row_of_a_coarse_run_is_met(name, number, monkeypatch):
     """Run-outs lie among the laws; a wall along a turned bed and a surcharged footing, within 5 %
     of limit analysis."""
