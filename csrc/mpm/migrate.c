@@ -6,8 +6,8 @@
 
 #include "core/index.h"
 #include "core/memory.h"
-#include "mpm/device.h"
 #include "mpm/arrivals.h"
+#include "mpm/device.h"
 #include "mpm/sleep.h"
 #include "mpm/slots.h"
 #include "mpm/tally.h"

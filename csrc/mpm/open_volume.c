@@ -5,8 +5,8 @@
 #include <stdlib.h>
 
 #include "core/memory.h"
-#include "mpm/solid_cells.h"
 #include "mpm/pose.h"
+#include "mpm/solid_cells.h"
 #include "mpm/thin_bodies.h"
 
 /* Cells deeper in a body than this, in cells, have no node that material reaches: it is never deeper than a quarter. */
